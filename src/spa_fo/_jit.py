@@ -1,0 +1,51 @@
+"""The only njit factory: compilation flags are decided here and nowhere else."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import platformdirs
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_PACKAGE = Path(__file__).parent
+
+
+def _kernel_hash() -> str:
+    """Hash every source file of the package that may hold or feed a kernel."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        if path.parts[len(_PACKAGE.parts)] not in ("report", "rig", "cli.py"):
+            digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+# Numba's cache looks at one file at a time: a kernel inlined from another module goes stale.
+# A cache folder a source state cannot.
+if "NUMBA_CACHE_DIR" not in os.environ:
+    numba.config.CACHE_DIR = str(
+        Path(platformdirs.user_cache_dir("spa-fo")) / "numba" / _kernel_hash()
+    )
+
+
+def njit(function: Function) -> Function:
+    """Compile a serial kernel: cached, releases the GIL, IEEE arithmetic as written.
+
+    No fastmath: results are bit-identical from run to run and for any number of threads, and
+    NaN and infinity keep their meaning.
+    """
+    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+
+
+def njit_parallel(function: Function) -> Function:
+    """Compile a kernel whose `prange` iterations write to disjoint places, each computed serially.
+
+    Never reduce a scalar over `prange`, nor draw random numbers in it: both depend on the number
+    of threads.
+    """
+    return numba.njit(cache=True, parallel=True, error_model="numpy")(function)  # type: ignore[no-any-return]

@@ -1,0 +1,29 @@
+"""The one exception for bad input: one clear line, exit code 2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class BadInput(Exception):
+    """Input that cannot be used.
+
+    Its text is one line that names the file, the line or key, and what was expected.
+    Commands print it on stderr and leave with exit code 2.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file or folder at fault.
+    expected : str
+        What is wrong and what was expected.
+    where : str, optional
+        The line or key within the file, for example ``"line 12"`` or ``"log.columns.time"``.
+    """
+
+    def __init__(self, path: Path | str, expected: str, where: str = "") -> None:
+        self.path = Path(path)
+        self.where = where
+        self.expected = expected
+        place = f"{path}: {where}" if where else f"{path}"
+        super().__init__(" ".join(f"{place}: {expected}".split()))

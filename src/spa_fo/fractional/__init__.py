@@ -1,0 +1,1 @@
+"""The mathematics: Mittag-Leffler, poles, step and sampled-input responses. numpy and numba only."""

@@ -1,0 +1,1 @@
+"""From trials to coefficients: swarm, polish, uncertainty, ablation."""

@@ -1,0 +1,1 @@
+"""Models of the actuator: the fractional transfer function and the baselines."""

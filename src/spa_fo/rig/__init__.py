@@ -1,0 +1,1 @@
+"""From the bytes on the wire to angles: logs, campaigns, calibration."""

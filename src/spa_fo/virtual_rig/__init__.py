@@ -1,0 +1,1 @@
+"""An independent simulated actuator that writes raw logs. Shares no code with what it judges."""
