@@ -1,0 +1,50 @@
+# `make reproduce` runs everything from the raw logs; `make test` runs every check.
+# Both set up their own .venv from the hashed lock first.
+PYTHON ?= python3.11
+CORES ?= 2
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+
+.PHONY: help reproduce test format unlock lock
+
+help:
+	@echo "make reproduce   raw logs -> results/ (CORES=$(CORES))"
+	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
+	@echo "make format      format Python and Snakemake files"
+	@echo "make unlock      after a killed run: release Snakemake's lock"
+	@echo "make lock        resolve the dependencies anew into requirements.lock"
+
+$(INSTALLED): requirements.lock pyproject.toml
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	touch $@
+
+reproduce: $(INSTALLED)
+	$(BIN)/snakemake --cores $(CORES)
+
+test: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/snakemake --lint
+	$(BIN)/pytest
+
+format: $(INSTALLED)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	$(BIN)/snakefmt Snakefile workflow
+
+unlock: $(INSTALLED)
+	$(BIN)/snakemake --unlock
+
+# uv writes the hashes of every platform and, asked so, no addresses.
+lock:
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/pip install --quiet uv
+	build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --extra dev \
+	  --generate-hashes --no-emit-index-url --no-header --no-annotate \
+	  pyproject.toml --output-file requirements.lock

@@ -1,0 +1,54 @@
+"""Where the package meets people and the workflow: exit codes, logs, threads."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from spa_fo.errors import BadInput
+
+EXIT_BAD_INPUT = 2
+
+
+@contextmanager
+def bad_input_exits() -> Iterator[None]:
+    """Turn `BadInput` into its one line on stderr and exit code 2."""
+    try:
+        yield
+    except BadInput as error:
+        print(f"spa-fo: {error}", file=sys.stderr)
+        raise SystemExit(EXIT_BAD_INPUT) from None
+
+
+@contextmanager
+def workflow_step(log: Path | str, threads: int) -> Iterator[None]:
+    """Run one step of the workflow: log to a file, keep to `threads`, say bad input in one line.
+
+    Parameters
+    ----------
+    log : Path or str
+        Gets the package's log messages and the traceback of whatever goes wrong.
+    threads : int
+        Numba's number of threads; Snakemake sets those of OpenMP and MKL only.
+    """
+    _limit_threads(threads)
+    logging.basicConfig(
+        filename=log, filemode="w", level=logging.INFO, format="%(levelname)s %(name)s: %(message)s"
+    )
+    logging.captureWarnings(True)
+    with bad_input_exits():
+        try:
+            yield
+        except Exception:
+            logging.error(traceback.format_exc())
+            raise
+
+
+def _limit_threads(threads: int) -> None:
+    import numba
+
+    numba.set_num_threads(min(threads, numba.get_num_threads()))

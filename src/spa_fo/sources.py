@@ -1,0 +1,74 @@
+"""What a script's result depends on in this package: the sources it imports, hashed.
+
+Snakemake sees an edit of a script, not of the package behind it. A rule that passes
+``code_hash(script)`` as a parameter runs again when, and only when, a module that its script
+imports, directly or not, has changed.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent
+_NAME = _PACKAGE.name
+
+
+def code_hash(script: Path | str) -> str:
+    """Hash `script` with every module and data file of the package that it imports.
+
+    Parameters
+    ----------
+    script : Path or str
+        A Python file.
+
+    Returns
+    -------
+    str
+        Sixteen hexadecimal digits.
+    """
+    digest = hashlib.sha256()
+    for path in [Path(script), *sorted(imported_files(script))]:
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def imported_files(script: Path | str) -> set[Path]:
+    """Files of this package that `script` imports, directly or not, with their data files."""
+    found: set[Path] = set()
+    waiting = [Path(script)]
+    while waiting:
+        for module in _imported_modules(waiting.pop()):
+            for path in _files_of(module) - found:
+                found.add(path)
+                if path.suffix == ".py":
+                    waiting.append(path)
+    return found
+
+
+def _imported_modules(path: Path) -> Iterator[str]:
+    """Dotted names of the package's modules that one file may import."""
+    for node in ast.walk(ast.parse(path.read_bytes(), filename=str(path))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            # `from a import b`: b may be a module or a name within a.
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        else:
+            continue
+        yield from (name for name in names if name.split(".")[0] == _NAME)
+
+
+def _files_of(module: str) -> set[Path]:
+    """Source and data files of a dotted module name and of the packages above it."""
+    files: set[Path] = set()
+    place = _PACKAGE
+    for part in ["", *module.split(".")[1:]]:
+        place = place / part
+        if place.is_dir():
+            files |= {place / "__init__.py", *place.glob("*.yaml"), *place.glob("*.mplstyle")}
+        elif place.with_suffix(".py").is_file():
+            files.add(place.with_suffix(".py"))
+    return {path for path in files if path.is_file()}
