@@ -1,0 +1,21 @@
+# From raw serial logs to the paper's tables and figures. Read the rules in this order:
+# raw_to_angle -> identify -> ablation -> publish.
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: "config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/raw_to_angle.smk"
+include: "workflow/rules/identify.smk"
+include: "workflow/rules/ablation.smk"
+include: "workflow/rules/publish.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        RESULTS / "summary.md",

@@ -1,0 +1,69 @@
+"""The workflow's configuration: checked against its schema, defaults filled in."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from spa_fo.validation import load_yaml, validate
+
+
+def read_config(
+    document: Mapping[str, Any], source: Path | str, schema_file: Path | str
+) -> dict[str, Any]:
+    """Check a configuration and fill in what it leaves out.
+
+    Parameters
+    ----------
+    document : Mapping
+        The configuration, as read from YAML.
+    source : Path or str
+        The file it came from, for the message.
+    schema_file : Path or str
+        The JSON schema in YAML; its ``default`` values are the defaults.
+
+    Returns
+    -------
+    dict
+        A new document with every key that has a default.
+
+    Raises
+    ------
+    BadInput
+        The first violation, in one line; an unknown key is answered with the nearest known one.
+    """
+    schema = load_yaml(schema_file)
+    # A material with nothing to say, `my_arm:`, is read as null.
+    plain = _without_empty_materials(document)
+    validate(plain, schema, source)
+    config = _with_defaults(plain, schema)
+    assert isinstance(config, dict)
+    return config
+
+
+def _without_empty_materials(document: Mapping[str, Any]) -> dict[str, Any]:
+    plain: dict[str, Any] = copy.deepcopy(dict(document))
+    materials = plain.get("materials")
+    if isinstance(materials, dict):
+        plain["materials"] = {
+            key: {} if value is None else value for key, value in materials.items()
+        }
+    return plain
+
+
+def _with_defaults(value: Any, schema: Mapping[str, Any]) -> Any:
+    if not isinstance(value, dict):
+        return value
+    filled = dict(value)
+    for key, entry in schema.get("properties", {}).items():
+        if key not in filled and "default" in entry:
+            filled[key] = copy.deepcopy(entry["default"])
+        if key in filled:
+            filled[key] = _with_defaults(filled[key], entry)
+    others = schema.get("additionalProperties")
+    if isinstance(others, Mapping):
+        for key in set(filled) - set(schema.get("properties", {})):
+            filled[key] = _with_defaults(filled[key], others)
+    return filled

@@ -1,0 +1,65 @@
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from spa_fo.config import read_config
+from spa_fo.errors import BadInput
+
+ROOT = Path(__file__).resolve().parent.parent
+SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+
+
+def read(document: dict[str, Any]) -> dict[str, Any]:
+    return read_config(document, "config.yaml", SCHEMA)
+
+
+def test_the_shipped_config_is_valid_and_complete() -> None:
+    document = yaml.safe_load((ROOT / "config.yaml").read_text())
+    config = read(document)
+    assert list(config["materials"]) == list(document["materials"])
+    # What the file says is what the run uses: defaults only add.
+    assert config["identify"] | document["identify"] == config["identify"]
+
+
+def test_one_line_makes_a_material_and_the_rest_is_the_papers() -> None:
+    config = read({"materials": {"my_arm": None}})
+    assert config["materials"] == {"my_arm": {"input": "command"}}
+    assert config["identify"]["swarm"] == {"particles": 200, "iterations": 10}
+    assert config["ablation"]["points"] == [10, 20, 50, 100]
+
+
+def test_the_document_is_not_changed() -> None:
+    document: dict[str, Any] = {"materials": {"my_arm": None}}
+    read(document)
+    assert document == {"materials": {"my_arm": None}}
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        ({}, "config.yaml: materials: is missing"),
+        ({"materials": {}}, "config.yaml: materials: is {}; expected at least 1 entries"),
+        (
+            {"materials": {"a": None}, "identfy": {}},
+            "config.yaml: identfy: unknown key; did you mean 'identify'?",
+        ),
+        (
+            {"materials": {"a": {"papre": "design_1"}}},
+            "config.yaml: materials.a.papre: unknown key; did you mean 'paper'?",
+        ),
+        (
+            {"materials": {"a": {"paper": "design_3"}}},
+            "config.yaml: materials.a.paper: is 'design_3'; did you mean 'design_2'?",
+        ),
+        (
+            {"materials": {"a": None}, "identify": {"swarm": {"particles": 1.5}}},
+            "config.yaml: identify.swarm.particles: is 1.5; expected a whole number",
+        ),
+    ],
+)
+def test_bad_config_is_one_clear_line(document: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInput) as error:
+        read(document)
+    assert str(error.value) == message

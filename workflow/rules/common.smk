@@ -1,0 +1,45 @@
+from pathlib import Path
+
+from spa_fo.config import read_config
+from spa_fo.edge import bad_input_exits
+from spa_fo.sources import code_hash
+
+SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
+
+with bad_input_exits():
+    CONFIG = read_config(
+        config, "config.yaml", Path(workflow.basedir) / "workflow/schemas/config.schema.yaml"
+    )
+
+RAW = Path(CONFIG["raw"])
+RESULTS = Path(CONFIG["results"])
+MATERIALS = list(CONFIG["materials"])
+
+
+wildcard_constraints:
+    material="|".join(MATERIALS),
+
+
+def campaign_of(material):
+    """The material's folder in raw/."""
+    return RAW / CONFIG["materials"][material].get("campaign", material)
+
+
+def raw_files(wildcards):
+    """Every file of the material's campaign, so that an edit of any of them is seen."""
+    folder = campaign_of(wildcards.material)
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def script(name):
+    """A script's path, for `script:`."""
+    return str(SCRIPTS / name)
+
+
+def code(name):
+    """What a script depends on in the package: an edit of the package runs its rule again."""
+    return code_hash(SCRIPTS / name)
+
+
+def of_each_material(name):
+    return expand(RESULTS / "{material}" / name, material=MATERIALS)
