@@ -1,1 +1,39 @@
-"""From the bytes on the wire to angles: logs, campaigns, calibration."""
+"""From raw serial logs to trials: wire format, logs, calibration, campaign."""
+
+from spa_fo.rig.calibration import Calibration, Drift, Dwell
+from spa_fo.rig.campaign import (
+    CalibrationFile,
+    Campaign,
+    Column,
+    Experiment,
+    LogFormat,
+    PressureSensor,
+    Provenance,
+    TrialFile,
+    read_campaign,
+)
+from spa_fo.rig.parse_report import Damage, FileReport, ParseReport
+from spa_fo.rig.trials import CampaignData, Trial, load_trials, read_trials, write_trials
+
+__all__ = [
+    "Calibration",
+    "CalibrationFile",
+    "Campaign",
+    "CampaignData",
+    "Column",
+    "Damage",
+    "Drift",
+    "Dwell",
+    "Experiment",
+    "FileReport",
+    "LogFormat",
+    "ParseReport",
+    "PressureSensor",
+    "Provenance",
+    "Trial",
+    "TrialFile",
+    "load_trials",
+    "read_campaign",
+    "read_trials",
+    "write_trials",
+]

@@ -1,0 +1,302 @@
+"""A campaign: one actuator, one series of measurements, described by campaign.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from spa_fo.errors import BadInput
+from spa_fo.rig import checksums
+from spa_fo.validation import load_yaml, package_schema, validate
+
+Floats = npt.NDArray[np.float64]
+Protocol = Literal["step", "step_release", "staircase", "triangle", "hold", "free"]
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where the data come from: ``kind`` is ``measured`` or ``synthetic``."""
+
+    kind: Literal["measured", "synthetic"]
+    source: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a csv log: value = raw·scale + offset in `unit`.
+
+    `column` is a header name, or a 1-based index.
+    """
+
+    column: str | int
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+    rest: Literal["zero", "keep"] = "keep"
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """How the logs are written: ``spa-rig``, or ``csv`` with the meaning of its columns."""
+
+    format: Literal["spa-rig", "csv"]
+    delimiter: str = ","
+    header: bool = True
+    columns: Mapping[str, Column] | None = None
+
+
+@dataclass(frozen=True)
+class PressureSensor:
+    """A ratiometric sensor: ADC counts to volts to gauge pressure, linear."""
+
+    volts: tuple[float, float]
+    kpa: tuple[float, float]
+    vref_mv: float
+    adc_max: int
+
+    def pressure_kpa(self, counts: npt.ArrayLike) -> Floats:
+        """Return the gauge pressure (kPa) of ADC `counts`, same shape."""
+        volts = np.asarray(counts, dtype=np.float64) * (self.vref_mv / 1000.0 / self.adc_max)
+        slope = (self.kpa[1] - self.kpa[0]) / (self.volts[1] - self.volts[0])
+        return self.kpa[0] + slope * (volts - self.volts[0])
+
+
+@dataclass(frozen=True)
+class CalibrationFile:
+    """A log of the flex sensor against known angles; `started_s` is campaign time (s)."""
+
+    file: str
+    path: Path
+    started_s: float
+
+
+@dataclass(frozen=True)
+class TrialFile:
+    """One trial's log; `order` is its place in the campaign, `started_s` campaign time (s)."""
+
+    file: str
+    path: Path
+    order: int
+    started_s: float
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Trials of one protocol; `setpoint_deg` is None where there is none."""
+
+    name: str
+    setpoint_deg: float | None
+    protocol: Protocol
+    trials: tuple[TrialFile, ...]
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Everything campaign.yaml says, checked against the files."""
+
+    folder: Path
+    name: str
+    material: str
+    provenance: Provenance
+    log: LogFormat
+    reference_kpa: float
+    experiments: tuple[Experiment, ...]
+    calibration: tuple[CalibrationFile, ...] = ()  # earliest first
+    pressure_sensor: PressureSensor | None = None
+    continues: str | None = None
+
+    @property
+    def yaml(self) -> Path:
+        """The file all this was read from."""
+        return self.folder / "campaign.yaml"
+
+    def trial_files(self) -> Iterator[tuple[Experiment, int, TrialFile]]:
+        """Yield (experiment, 1-based place in its list, file) in the order of campaign.yaml."""
+        for experiment in self.experiments:
+            for number, trial in enumerate(experiment.trials, start=1):
+                yield experiment, number, trial
+
+
+def read_campaign(folder: Path | str) -> Campaign:
+    """Read and check a campaign folder; the logs themselves are read by `read_trials`.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Holds campaign.yaml, SHA256SUMS and the logs they name.
+
+    Returns
+    -------
+    Campaign
+        Its calibrations sorted by `started_s`, its trials as listed.
+
+    Raises
+    ------
+    BadInput
+        campaign.yaml does not hold to its schema or contradicts itself (a file or order twice,
+        an experiment without trials, time running against order), a file is missing or empty,
+        or its bytes are not those of SHA256SUMS.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise BadInput(folder, "is not there; expected a campaign folder with campaign.yaml")
+    path = folder / "campaign.yaml"
+    if not path.is_file():
+        raise BadInput(path, "is missing; expected the description of the campaign")
+    document = load_yaml(path)
+    validate(document, package_schema("spa_fo.rig", "campaign.schema.yaml"), path)
+    campaign = _build(document, folder)
+    _check_sense(campaign)
+    _check_files(campaign)
+    return campaign
+
+
+def _build(document: Mapping[str, Any], folder: Path) -> Campaign:
+    calibration = [
+        CalibrationFile(item["file"], folder / item["file"], float(item["started_s"]))
+        for item in document.get("calibration", [])
+    ]
+    experiments = tuple(
+        Experiment(
+            name=item["name"],
+            setpoint_deg=_number(item.get("setpoint_deg")),
+            protocol=item["protocol"],
+            trials=tuple(
+                TrialFile(
+                    trial["file"], folder / trial["file"], trial["order"], float(trial["started_s"])
+                )
+                for trial in item["trials"]
+            ),
+        )
+        for item in document["experiments"]
+    )
+    return Campaign(
+        folder=folder,
+        name=document["name"],
+        material=document["material"],
+        provenance=Provenance(**document["provenance"]),
+        log=_log_format(document["log"], folder / "campaign.yaml"),
+        reference_kpa=float(document["input"]["reference_kpa"]),
+        experiments=experiments,
+        calibration=tuple(sorted(calibration, key=lambda item: item.started_s)),
+        pressure_sensor=_pressure_sensor(document.get("pressure_sensor"), folder / "campaign.yaml"),
+        continues=document.get("continues"),
+    )
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def _pressure_sensor(entry: Mapping[str, Any] | None, path: Path) -> PressureSensor | None:
+    if entry is None:
+        return None
+    volts, kpa = entry["volts"], entry["kpa"]
+    for key, pair in (("volts", volts), ("kpa", kpa)):
+        if not pair[0] < pair[1]:
+            raise BadInput(
+                path, f"is {pair}; expected two rising numbers", f"pressure_sensor.{key}"
+            )
+    return PressureSensor(
+        (float(volts[0]), float(volts[1])),
+        (float(kpa[0]), float(kpa[1])),
+        float(entry["vref_mv"]),
+        int(entry["adc_max"]),
+    )
+
+
+def _log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
+    if entry["format"] == "spa-rig":
+        extra = sorted(set(entry) - {"format"})
+        if extra:
+            raise BadInput(path, "belongs to format csv only", f"log.{extra[0]}")
+        return LogFormat("spa-rig")
+    header = entry.get("header", True)
+    columns = {}
+    for name, item in entry["columns"].items():
+        if not header and isinstance(item["column"], str):
+            raise BadInput(
+                path,
+                f"is '{item['column']}'; expected a 1-based index, as header is false",
+                f"log.columns.{name}.column",
+            )
+        columns[name] = Column(
+            column=item["column"],
+            unit=str(item.get("unit", "1")),
+            scale=float(item.get("scale", 1.0)),
+            offset=float(item.get("offset", 0.0)),
+            rest=item.get("rest", "keep"),
+        )
+    if "angle" not in columns and "flex_adc" not in columns:
+        raise BadInput(path, "expected a column 'angle' or 'flex_adc'", "log.columns")
+    return LogFormat("csv", entry.get("delimiter", ","), header, columns)
+
+
+def _check_sense(campaign: Campaign) -> None:
+    """Refuse what the schema cannot see: contradictions within campaign.yaml."""
+    path = campaign.yaml
+    names: set[str] = set()
+    files: dict[str, str] = {}
+    orders: dict[int, str] = {}
+    for i, item in enumerate(campaign.calibration):
+        _claim(files, item.file, f"calibration[{i}].file", path, "file")
+    for i, experiment in enumerate(campaign.experiments):
+        where = f"experiments[{i}]"
+        if experiment.name in names:
+            raise BadInput(path, f"'{experiment.name}' is the name of two", f"{where}.name")
+        names.add(experiment.name)
+        if not experiment.trials:
+            raise BadInput(
+                path,
+                f"experiment '{experiment.name}' has no trials; expected at least one",
+                f"{where}.trials",
+            )
+        for j, trial in enumerate(experiment.trials):
+            key = f"{where}.trials[{j}]"
+            _claim(files, trial.file, f"{key}.file", path, "file")
+            _claim(orders, trial.order, f"{key}.order", path, "order")
+    trials = sorted((trial for _, _, trial in campaign.trial_files()), key=lambda item: item.order)
+    for earlier, later in pairwise(trials):
+        if not later.started_s > earlier.started_s:
+            raise BadInput(
+                path,
+                f"order {later.order} starts at {later.started_s:g} s, not after order "
+                f"{earlier.order} at {earlier.started_s:g} s; expected it to rise with order",
+                f"{orders[later.order].removesuffix('.order')}.started_s",
+            )
+    if campaign.log.format == "spa-rig" and campaign.pressure_sensor is None:
+        raise BadInput(path, "is missing; spa-rig logs hold ADC counts", "pressure_sensor")
+    columns = campaign.log.columns
+    if columns is not None and "angle" not in columns and not campaign.calibration:
+        raise BadInput(path, "is missing; the logs hold flex_adc, not an angle", "calibration")
+
+
+def _claim(taken: dict[Any, str], value: Any, where: str, path: Path, kind: str) -> None:
+    if value in taken:
+        raise BadInput(path, f"{kind} {value} is already taken by {taken[value]}", where)
+    taken[value] = where
+
+
+def _check_files(campaign: Campaign) -> None:
+    wheres = {item.file: "calibration" for item in campaign.calibration}
+    for experiment, number, trial in campaign.trial_files():
+        wheres[trial.file] = f"experiment '{experiment.name}', trial {number}"
+    root = campaign.folder.resolve()
+    for file, where in wheres.items():
+        path = campaign.folder / file
+        if not path.resolve().is_relative_to(root) or Path(file).as_posix() != file:
+            raise BadInput(
+                campaign.yaml, f"file {file}: expected a plain path inside the folder", where
+            )
+        if not path.is_file():
+            raise BadInput(path, f"is not there, but {campaign.yaml.name} names it", where)
+        if path.stat().st_size == 0:
+            raise BadInput(path, "is empty; expected a log", where)
+    checksums.verify(campaign.folder, wheres)

@@ -1,0 +1,95 @@
+"""SHA256SUMS: the raw files are the bytes that were recorded, and all of them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from spa_fo.errors import BadInput
+
+NAME = "SHA256SUMS"
+_LINE = re.compile(r"(?P<digest>[0-9a-fA-F]{64}) [ *](?P<file>.+)")
+
+
+def read_checksums(folder: Path) -> dict[str, str]:
+    """Read ``SHA256SUMS`` of a campaign folder (the format of the sha256sum command).
+
+    Parameters
+    ----------
+    folder : Path
+        The campaign folder.
+
+    Returns
+    -------
+    dict of str to str
+        Relative POSIX path to lower-case hexadecimal digest.
+
+    Raises
+    ------
+    BadInput
+        The file is missing or a line is not ``<64 hex digits>  <file>``.
+    """
+    path = folder / NAME
+    try:
+        lines = path.read_bytes().decode("utf-8-sig").splitlines()
+    except FileNotFoundError as error:
+        raise BadInput(
+            path,
+            "is missing; expected the checksums of every raw file: "
+            f"(cd {folder} && sha256sum $(find . -name '*.log' -printf '%P ') > {NAME})",
+        ) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(path, "cannot be read; expected sha256sum's format") from error
+    digests: dict[str, str] = {}
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        match = _LINE.fullmatch(line)
+        if match is None:
+            raise BadInput(path, "expected '<64 hex digits>  <file>'", f"line {number}")
+        name = Path(match["file"]).as_posix()
+        if name in digests:
+            raise BadInput(path, f"lists {name} twice", f"line {number}")
+        digests[name] = match["digest"].lower()
+    return digests
+
+
+def verify(folder: Path, files: Iterable[str]) -> None:
+    """Check every raw file of a campaign against its ``SHA256SUMS``.
+
+    Parameters
+    ----------
+    folder : Path
+        The campaign folder.
+    files : iterable of str
+        The files that campaign.yaml names, relative to `folder`; they exist.
+
+    Raises
+    ------
+    BadInput
+        A named file is not listed, a listed file is missing or has other bytes, two names hold
+        the same bytes, or a ``.log`` lies in the folder that nobody lists.
+    """
+    sums = folder / NAME
+    expected = read_checksums(folder)
+    for name in files:
+        if name not in expected:
+            raise BadInput(sums, f"does not list {name}; run sha256sum {name} >> {NAME}")
+    owners: dict[str, str] = {}
+    for name, digest in expected.items():
+        path = folder / name
+        if not path.is_file():
+            raise BadInput(sums, f"lists {name}, which is not there")
+        actual = hashlib.sha256(path.read_bytes()).hexdigest()
+        if actual != digest:
+            raise BadInput(
+                path, f"its SHA-256 is {actual[:12]}..., but {NAME} says {digest[:12]}..."
+            )
+        if digest in owners:
+            raise BadInput(path, f"holds the same bytes as {owners[digest]}; expected its own log")
+        owners[digest] = name
+    for path in sorted(folder.rglob("*.log")):
+        if path.relative_to(folder).as_posix() not in expected:
+            raise BadInput(path, f"is not listed in {NAME}; expected every raw file there")

@@ -1,0 +1,432 @@
+"""All trials of a campaign, parsed and calibrated to angles; and the table that keeps them."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from spa_fo import atomic
+from spa_fo.errors import BadInput
+from spa_fo.rig.calibration import Calibration, Drift, calibrate, drift
+from spa_fo.rig.campaign import (
+    CalibrationFile,
+    Campaign,
+    Experiment,
+    PressureSensor,
+    Protocol,
+    TrialFile,
+)
+from spa_fo.rig.csv_log import read_csv_log
+from spa_fo.rig.parse_report import FileReport, ParseReport
+from spa_fo.rig.spa_rig_log import SpaRigLog, read_spa_rig_log
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+TABLE_COLUMNS = (
+    "experiment",
+    "trial",
+    "t_s",
+    "command_kpa",
+    "pressure_kpa",
+    "flex_adc",
+    "angle_deg",
+    "after_reset",
+    "outside_calibration",
+)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial: its valid samples, all arrays of shape (n,), no NaN anywhere.
+
+    `trial` is the 1-based place in the experiment's list, `order` the place in the campaign,
+    `started_s` campaign time; `t_s` runs from the trial's first sample. Gauge pressures in kPa,
+    None where the log holds none; angles in degrees; `flex_adc` None where the log holds angles.
+    `after_reset` marks samples whose time is an estimate, `outside_calibration` those whose flex
+    count lies beyond the calibrated range.
+    """
+
+    experiment: str
+    trial: int
+    protocol: Protocol
+    setpoint_deg: float | None
+    order: int
+    started_s: float
+    t_s: Floats
+    command_kpa: Floats | None
+    pressure_kpa: Floats | None
+    flex_adc: Floats | None
+    angle_deg: Floats
+    after_reset: Bools
+    outside_calibration: Bools
+
+    @property
+    def label(self) -> str:
+        """For messages and figures: ``step_30 trial 2``."""
+        return f"{self.experiment} trial {self.trial}"
+
+
+@dataclass(frozen=True)
+class CampaignData:
+    """A campaign's trials in the order of campaign.yaml, its calibrations, and the account.
+
+    `calibrations` are sorted by time; the first made the angles. `drifts` compares each later
+    one with it.
+    """
+
+    campaign: Campaign
+    trials: tuple[Trial, ...]
+    calibrations: tuple[Calibration, ...]
+    drifts: tuple[Drift, ...]
+    report: ParseReport
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The earliest calibration, which every angle came through; None if logs hold angles."""
+        return self.calibrations[0] if self.calibrations else None
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """A trial's log in common terms, whatever its format."""
+
+    t_s: Floats
+    command_kpa: Floats | None
+    pressure_kpa: Floats | None
+    flex_adc: Floats | None
+    angle_deg: Floats | None
+    after_reset: Bools
+    rest: str
+    report: FileReport
+
+
+def read_trials(campaign: Campaign) -> CampaignData:
+    """Read every log of a campaign and turn flex counts into angles.
+
+    The angle of a sample is its flex count through the earliest calibration, always; later
+    calibrations are reported as drift.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        As read by `read_campaign`.
+
+    Returns
+    -------
+    CampaignData
+        Trials, calibrations and the `ParseReport`.
+
+    Raises
+    ------
+    BadInput
+        A log that cannot be read at all, that is not what campaign.yaml says it is, or whose
+        angle leaves the calibration by far.
+    """
+    reports: list[FileReport] = []
+    warnings: list[str] = []
+    calibrations = []
+    for item in campaign.calibration:
+        calibration, report = _read_calibration(campaign, item)
+        calibrations.append(calibration)
+        reports.append(report)
+    curve = calibrations[0] if calibrations else None
+    trials = []
+    for experiment, number, file in campaign.trial_files():
+        samples = _read_samples(campaign, file)
+        trial, report = _to_trial(samples, experiment, number, file, curve)
+        trials.append(trial)
+        reports.append(report)
+    warnings.extend(_overlaps(trials))
+    return CampaignData(
+        campaign,
+        tuple(trials),
+        tuple(calibrations),
+        tuple(drift(calibrations[0], later) for later in calibrations[1:]),
+        ParseReport(campaign.name, tuple(reports), tuple(warnings)),
+    )
+
+
+def _read_calibration(campaign: Campaign, item: CalibrationFile) -> tuple[Calibration, FileReport]:
+    if campaign.log.format == "csv" and not _is_spa_rig(item.path):
+        columns = campaign.log.columns or {}
+        if "angle" not in columns or "flex_adc" not in columns:
+            raise BadInput(
+                item.path, "a csv calibration needs log.columns.angle and log.columns.flex_adc"
+            )
+        table = read_csv_log(item.path, campaign.log, ("time", "angle", "flex_adc"), item.file)
+        t_s, known, counts, report = (
+            table.t_s,
+            table.columns["angle"],
+            table.columns["flex_adc"],
+            table.report,
+        )
+    else:
+        log = read_spa_rig_log(item.path, item.file)
+        if "angle_deg" not in log.columns or "cmd_kpa" in log.columns:
+            raise BadInput(
+                item.path,
+                f"{campaign.yaml.name} says it is a calibration, but its columns are "
+                f"{','.join(log.banner.columns)}; expected seq,t_us,angle_deg,flex_adc",
+                "line 1",
+            )
+        _check_banner(campaign, item.path, log)
+        t_s, known, counts = log.t_s, log.columns["angle_deg"], log.columns["flex_adc"]
+        report = log.report
+    curve = calibrate(t_s, known, counts, item.file, item.started_s, str(item.path))
+    return curve, dataclasses.replace(report, notes=report.notes + curve.notes)
+
+
+def _is_spa_rig(path: Path) -> bool:
+    with path.open("rb") as stream:
+        return stream.read(9) == b"# spa-rig"
+
+
+def _check_banner(campaign: Campaign, path: Path, log: SpaRigLog) -> None:
+    sensor = campaign.pressure_sensor
+    if sensor is None:
+        return
+    for key, said, found in (
+        ("vref_mv", sensor.vref_mv, log.banner.vref_mv),
+        ("adc_max", sensor.adc_max, log.banner.adc_max),
+    ):
+        if said != found:
+            raise BadInput(
+                path,
+                f"its banner means {key} {found:g}, but {campaign.yaml.name} says "
+                f"pressure_sensor.{key} {said:g}",
+                "line 1",
+            )
+
+
+def _read_samples(campaign: Campaign, file: TrialFile) -> _Samples:
+    if campaign.log.format == "csv":
+        return _csv_samples(campaign, file)
+    log = read_spa_rig_log(file.path, file.file)
+    columns = log.columns
+    if "cmd_kpa" not in columns and "p_adc" not in columns:
+        raise BadInput(
+            file.path,
+            f"{campaign.yaml.name} says it is a trial, but its columns are "
+            f"{','.join(log.banner.columns)}; expected seq,t_us,cmd_kpa,p_adc,flex_adc",
+            "line 1",
+        )
+    _check_banner(campaign, file.path, log)
+    sensor = campaign.pressure_sensor
+    assert isinstance(sensor, PressureSensor)
+    return _Samples(
+        log.t_s,
+        columns.get("cmd_kpa"),
+        sensor.pressure_kpa(columns["p_adc"]) if "p_adc" in columns else None,
+        columns.get("flex_adc"),
+        columns.get("angle_deg"),
+        log.after_reset,
+        "keep",
+        log.report,
+    )
+
+
+def _csv_samples(campaign: Campaign, file: TrialFile) -> _Samples:
+    columns = campaign.log.columns or {}
+    output = "flex_adc" if "flex_adc" in columns and campaign.calibration else "angle"
+    roles = [role for role in ("command", "pressure", output) if role in columns]
+    table = read_csv_log(file.path, campaign.log, roles, file.file)
+    return _Samples(
+        table.t_s - table.t_s[0],
+        table.columns.get("command"),
+        table.columns.get("pressure"),
+        table.columns.get("flex_adc"),
+        table.columns.get("angle"),
+        np.zeros(table.t_s.shape, dtype=np.bool_),
+        columns[output].rest,
+        table.report,
+    )
+
+
+def _to_trial(
+    samples: _Samples,
+    experiment: Experiment,
+    number: int,
+    file: TrialFile,
+    curve: Calibration | None,
+) -> tuple[Trial, FileReport]:
+    flex = samples.flex_adc
+    if flex is not None and curve is not None:
+        angle = curve.angle_deg(flex)
+        outside = curve.outside(flex)
+        _check_within(curve, angle, file)
+    elif samples.angle_deg is not None:
+        angle = samples.angle_deg
+        outside = np.zeros(angle.shape, dtype=np.bool_)
+    else:
+        raise BadInput(file.path, "holds flex counts, but campaign.yaml names no calibration")
+    notes = samples.report.notes
+    if samples.rest == "zero":
+        before = _before_first_change(samples)
+        angle = angle - angle[:before].mean()
+        if before < 5:
+            notes += (f"its zero is the mean of only {before} samples",)
+    report = dataclasses.replace(
+        samples.report, outside_calibration=int(np.count_nonzero(outside)), notes=notes
+    )
+    trial = Trial(
+        experiment=experiment.name,
+        trial=number,
+        protocol=experiment.protocol,
+        setpoint_deg=experiment.setpoint_deg,
+        order=file.order,
+        started_s=file.started_s,
+        t_s=samples.t_s,
+        command_kpa=samples.command_kpa,
+        pressure_kpa=samples.pressure_kpa,
+        flex_adc=flex,
+        angle_deg=angle,
+        after_reset=samples.after_reset,
+        outside_calibration=outside,
+    )
+    return trial, report
+
+
+def _check_within(curve: Calibration, angle: Floats, file: TrialFile) -> None:
+    """Refuse a trial of which more than 1 % lies beyond the range by over a quarter of it."""
+    low, high = curve.range_deg
+    margin = 0.25 * (high - low)
+    far = (angle < low - margin) | (angle > high + margin)
+    if np.count_nonzero(far) > 0.01 * angle.size:
+        raise BadInput(
+            file.path,
+            f"angle outside calibration: {np.count_nonzero(far)} of {angle.size} samples, "
+            f"{angle.min():.0f} to {angle.max():.0f} deg, but {curve.file} covers "
+            f"{low:g} to {high:g} deg",
+        )
+
+
+def _before_first_change(samples: _Samples) -> int:
+    """Count the samples before the input first leaves its first value."""
+    if samples.command_kpa is not None:
+        signal, threshold = samples.command_kpa, 0.02
+    elif samples.pressure_kpa is not None:
+        signal, threshold = samples.pressure_kpa, 0.05
+    else:
+        return int(samples.t_s.size)
+    moved = np.abs(signal - signal[0]) > threshold * np.ptp(signal)
+    return int(np.argmax(moved)) if moved.any() else int(signal.size)
+
+
+def _overlaps(trials: Sequence[Trial]) -> list[str]:
+    """Say which trials last beyond the start of the next one."""
+    warnings = []
+    ordered = sorted(trials, key=lambda trial: trial.order)
+    for trial, later in pairwise(ordered):
+        end = trial.started_s + trial.t_s[-1]
+        if end > later.started_s:
+            warnings.append(
+                f"{trial.label} ends at {end:.1f} s of campaign time, after {later.label} "
+                f"starts at {later.started_s:.1f} s"
+            )
+    return warnings
+
+
+def write_trials(path: Path | str, trials: Sequence[Trial]) -> None:
+    """Write trials as one CSV table (`TABLE_COLUMNS`), floats so that they read back exactly."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(TABLE_COLUMNS)
+    for trial in trials:
+        size = trial.t_s.size
+        writer.writerows(
+            zip(
+                [trial.experiment] * size,
+                [trial.trial] * size,
+                _texts(trial.t_s, size),
+                _texts(trial.command_kpa, size),
+                _texts(trial.pressure_kpa, size),
+                _texts(trial.flex_adc, size),
+                _texts(trial.angle_deg, size),
+                trial.after_reset.astype(int).tolist(),
+                trial.outside_calibration.astype(int).tolist(),
+                strict=True,
+            )
+        )
+    atomic.write_text(path, stream.getvalue())
+
+
+def load_trials(path: Path | str, campaign: Campaign) -> tuple[Trial, ...]:
+    """Read a table of `write_trials` back, in the order of campaign.yaml.
+
+    Raises
+    ------
+    BadInput
+        The table is missing, has other columns, or does not hold exactly the campaign's trials.
+    """
+    path = Path(path)
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            head, *rows = csv.reader(stream)
+    except (OSError, UnicodeDecodeError, ValueError, csv.Error) as error:
+        raise BadInput(path, "cannot be read; expected a table of trials") from error
+    if tuple(head) != TABLE_COLUMNS:
+        raise BadInput(path, f"expected the columns {','.join(TABLE_COLUMNS)}", "line 1")
+    groups: dict[tuple[str, str], list[list[str]]] = {}
+    for line, row in enumerate(rows, start=2):
+        if len(row) != len(TABLE_COLUMNS):
+            raise BadInput(path, f"expected {len(TABLE_COLUMNS)} fields", f"line {line}")
+        groups.setdefault((row[0], row[1]), []).append(row)
+    trials = []
+    for experiment, number, file in campaign.trial_files():
+        group = groups.pop((experiment.name, str(number)), None)
+        if group is None:
+            raise BadInput(path, f"lacks {experiment.name} trial {number} of {campaign.name}")
+        trials.append(_from_rows(path, group, experiment, number, file))
+    if groups:
+        name, place = next(iter(groups))
+        raise BadInput(path, f"holds {name} trial {place}, which {campaign.name} does not name")
+    return tuple(trials)
+
+
+def _from_rows(
+    path: Path, rows: list[list[str]], experiment: Experiment, number: int, file: TrialFile
+) -> Trial:
+    columns = dict(zip(TABLE_COLUMNS, zip(*rows, strict=True), strict=True))
+    try:
+        arrays: Mapping[str, Floats | None] = {
+            name: None if not any(columns[name]) else np.array(columns[name], dtype=np.float64)
+            for name in TABLE_COLUMNS[2:]
+        }
+    except ValueError as error:
+        raise BadInput(path, f"{experiment.name} trial {number}: {error}") from error
+    if any(array is not None and not np.isfinite(array).all() for array in arrays.values()):
+        raise BadInput(path, f"{experiment.name} trial {number}: expected finite numbers")
+    required = {}
+    for name in ("t_s", "angle_deg", "after_reset", "outside_calibration"):
+        array = arrays[name]
+        if array is None:
+            raise BadInput(path, f"{experiment.name} trial {number}: {name} is empty")
+        required[name] = array
+    return Trial(
+        experiment=experiment.name,
+        trial=number,
+        protocol=experiment.protocol,
+        setpoint_deg=experiment.setpoint_deg,
+        order=file.order,
+        started_s=file.started_s,
+        t_s=required["t_s"],
+        command_kpa=arrays["command_kpa"],
+        pressure_kpa=arrays["pressure_kpa"],
+        flex_adc=arrays["flex_adc"],
+        angle_deg=required["angle_deg"],
+        after_reset=required["after_reset"] != 0,
+        outside_calibration=required["outside_calibration"] != 0,
+    )
+
+
+def _texts(values: Floats | None, size: int) -> list[str]:
+    return [""] * size if values is None else [repr(value) for value in values.tolist()]
