@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from spa_fo.fractional import prabhakar_series_step, step_response
-from spa_fo.plant import paper
+from spa_fo.plant import paper, second_moment, second_moment_as_printed
 from spa_fo.report.tables import Table
 
 LONG_TIME_S = 100.0
@@ -132,8 +132,8 @@ def _table_within_bounds() -> Iterator[AuditLine]:
 def _second_moment() -> AuditLine:
     b, h = paper.GEOMETRY.width_m, paper.GEOMETRY.height_m
     rectangle = b * h**3 / 12.0
-    printed = _eq3(1.0, b, h, halvings=1.0)
-    corrected = _eq3(1.0, b, h, halvings=2.0)
+    printed = second_moment_as_printed(1.0, b, h)
+    corrected = second_moment(1.0, b, h)
     return AuditLine(
         "Eq. 3",
         "I_n = (1/2)^n b h^(n+2)/(n+2) is the generalised second moment of area",
@@ -141,10 +141,6 @@ def _second_moment() -> AuditLine:
         f"{corrected / rectangle:.3g} × b h³/12",
         HOLDS if math.isclose(printed, rectangle) else f"{FAILS}: the power is n + 1",
     )
-
-
-def _eq3(n: float, b: float, h: float, halvings: float) -> float:
-    return float(0.5**halvings * b * h ** (n + 2.0) / (n + 2.0))
 
 
 def _percentages() -> Iterator[AuditLine]:

@@ -1,0 +1,151 @@
+"""The command line: ``spa-fo fit``, ``spa-fo predict``, ``spa-fo parse``.
+
+Every command leaves with 0 when done and with 2 on bad input, after one clear line on stderr.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from spa_fo import __version__
+from spa_fo.atomic import write_text
+from spa_fo.edge import bad_input_exits
+from spa_fo.errors import BadInput
+
+# The rooms are imported by the commands that need them: `--help` must not wait for Numba.
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; the process's exit code is returned, or raised as SystemExit."""
+    options = _parser().parse_args(arguments)
+    with bad_input_exits():
+        options.run(options)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="spa-fo",
+        description="Fractional-order models of soft pneumatic actuators, from raw serial logs.",
+    )
+    parser.add_argument("--version", action="version", version=f"spa-fo {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    _add_parse(commands)
+    _add_fit(commands)
+    _add_predict(commands)
+    return parser
+
+
+Commands = argparse._SubParsersAction  # type: ignore[type-arg]
+
+
+def _command(commands: Commands, name: str, summary: str, example: str) -> argparse.ArgumentParser:  # type: ignore[type-arg]
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=summary,
+        description=summary[0].upper() + summary[1:] + ".",
+        epilog=f"example:\n  {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    return parser
+
+
+def _add_campaign(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "campaign", metavar="CAMPAIGN", type=Path, help="folder with campaign.yaml and the logs"
+    )
+
+
+def _add_parse(commands: Commands) -> None:  # type: ignore[type-arg]
+    parser = _command(
+        commands,
+        "parse",
+        "read a campaign's raw logs and say what they hold and what is damaged in them",
+        "spa-fo parse raw/dragon_skin_20 --out trials.csv",
+    )
+    _add_campaign(parser)
+    parser.add_argument(
+        "--out", metavar="FILE.csv", type=Path, help="write the angles, sample by sample"
+    )
+    parser.set_defaults(run=_parse)
+
+
+def _parse(options: argparse.Namespace) -> None:
+    from spa_fo.rig import read_campaign, read_trials, write_trials
+
+    data = read_trials(read_campaign(options.campaign))
+    if options.out:
+        write_trials(options.out, data.trials)
+    print(data.report.to_markdown())
+
+
+def _add_fit(commands: Commands) -> None:  # type: ignore[type-arg]
+    parser = _command(
+        commands,
+        "fit",
+        "identify the fractional-order model of a campaign: on its up-steps, or on whole logs "
+        "where it has none",
+        "spa-fo fit raw/dragon_skin_20 --out model.json",
+    )
+    _add_campaign(parser)
+    parser.add_argument("--out", metavar="MODEL.json", type=Path, required=True)
+    parser.add_argument("--seed", type=int, default=1, help="of the swarm (default: 1)")
+    parser.add_argument(
+        "--whole-logs",
+        action="store_true",
+        help="fit whole logs even where there are up-steps",
+    )
+    parser.add_argument(
+        "--input",
+        choices=("command", "pressure"),
+        default="command",
+        help="signal that drives a fit of whole logs (default: command)",
+    )
+    parser.set_defaults(run=_fit)
+
+
+def _fit(options: argparse.Namespace) -> None:
+    from spa_fo.identify import fit_campaign
+    from spa_fo.plant import write_model
+    from spa_fo.rig import read_campaign, read_trials
+
+    data = read_trials(read_campaign(options.campaign))
+    result = fit_campaign(
+        data, seed=options.seed, whole_logs=options.whole_logs, signal=options.input
+    )
+    write_model(options.out, result.model)
+    print(result.report())
+
+
+def _add_predict(commands: Commands) -> None:  # type: ignore[type-arg]
+    parser = _command(
+        commands,
+        "predict",
+        "run a model on a campaign and write the measured and the predicted angle of every sample",
+        "spa-fo predict model.json raw/dragon_skin_20 --out prediction.csv",
+    )
+    parser.add_argument("model", metavar="MODEL.json", type=Path)
+    _add_campaign(parser)
+    parser.add_argument("--out", metavar="FILE.csv", type=Path, required=True)
+    parser.set_defaults(run=_predict)
+
+
+def _predict(options: argparse.Namespace) -> None:
+    from spa_fo.identify import predict_campaign
+    from spa_fo.plant import read_model
+    from spa_fo.rig import read_campaign, read_trials
+
+    model = read_model(options.model)
+    if model.effects:
+        raise BadInput(options.model, "expected an empty list: a plain model", "effects")
+    data = read_trials(read_campaign(options.campaign))
+    table = predict_campaign(model, data)
+    write_text(options.out, table.to_csv(index=False, lineterminator="\n"))
+    print(f"{options.out}: {len(table)} samples of {len(data.trials)} trials", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,279 @@
+"""The figures: each takes plain arrays, draws, and returns the figure; `style` saves it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from spa_fo.report.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    TWO_COLUMNS_IN,
+    VERMILION,
+    new_figure,
+)
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A model's step response: what it is called, and its angle in degrees, shape (n,)."""
+
+    label: str
+    t_s: Floats
+    angle_deg: Floats
+
+
+@dataclass(frozen=True)
+class StepPanel:
+    """One setpoint: the trials, shape (trials, n), their mean and the models' curves."""
+
+    title: str
+    setpoint_deg: float | None
+    t_s: Floats
+    trials_deg: Floats
+    curves: tuple[Curve, ...]
+
+
+_CURVE_STYLES = (
+    {"color": BLUE, "linestyle": "-", "linewidth": 1.6},
+    {"color": VERMILION, "linestyle": "--", "linewidth": 1.6},
+    {"color": GREEN, "linestyle": "-.", "linewidth": 1.2},
+    {"color": PURPLE, "linestyle": ":", "linewidth": 1.4},
+    {"color": ORANGE, "linestyle": (0, (5, 1)), "linewidth": 1.2},
+)
+
+
+def step_figure(panels: Sequence[StepPanel]) -> Figure:
+    """Draw step responses as in Figs. 4 and 5: one panel a setpoint, trials in grey, models on top.
+
+    Parameters
+    ----------
+    panels : sequence of StepPanel
+        In the order (a), (b), ...
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    names = [chr(ord("a") + i) for i in range(len(panels))]
+    figure = new_figure(TWO_COLUMNS_IN, 2.8, [names])
+    for axes, name, panel in zip(figure.axes, names, panels, strict=True):
+        for i, trial in enumerate(panel.trials_deg):
+            axes.plot(
+                panel.t_s,
+                trial,
+                color=GREY,
+                linestyle="-",
+                linewidth=0.6,
+                label=f"{len(panel.trials_deg)} trials" if i == 0 else None,
+            )
+        axes.plot(
+            panel.t_s,
+            panel.trials_deg.mean(axis=0),
+            color=BLACK,
+            linestyle="none",
+            marker=".",
+            markersize=2.5,
+            label="their mean",
+        )
+        for curve, look in zip(panel.curves, _CURVE_STYLES, strict=False):
+            axes.plot(curve.t_s, curve.angle_deg, label=curve.label, **look)
+        if panel.setpoint_deg is not None:
+            axes.axhline(panel.setpoint_deg, color=BLACK, linestyle=":", linewidth=0.6)
+        axes.set_title(f"({name}) {panel.title}", loc="left")
+        axes.set_xlabel("time after the step (s)")
+        axes.set_ylabel("bending angle (°)")
+        axes.set_xlim(0, panel.t_s[-1])
+        axes.set_ylim(bottom=min(0.0, float(panel.trials_deg.min())))
+        axes.legend(loc="lower right")
+    return figure
+
+
+@dataclass(frozen=True)
+class LogPanel:
+    """One trial of any protocol: measured and predicted angle, deg, and the pressure, kPa."""
+
+    title: str
+    t_s: Floats
+    measured_deg: Floats
+    predicted_deg: Floats
+    pressure_kpa: Floats | None
+
+
+def log_figure(panels: Sequence[LogPanel], model_label: str) -> Figure:
+    """Draw whole trials, a row each: angle measured and predicted, pressure behind, residual.
+
+    Parameters
+    ----------
+    panels : sequence of LogPanel
+        One row each.
+    model_label : str
+        What the prediction is called.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    mosaic = [[f"log {i}", f"log {i}", f"residual {i}"] for i in range(len(panels))]
+    figure = new_figure(TWO_COLUMNS_IN, 0.5 + 1.55 * len(panels), mosaic)
+    axes_of = {axes.get_label(): axes for axes in figure.axes}
+    for i, panel in enumerate(panels):
+        axes, residual = axes_of[f"log {i}"], axes_of[f"residual {i}"]
+        axes.plot(panel.t_s, panel.measured_deg, color=GREY, linestyle="-", label="measured")
+        axes.plot(panel.t_s, panel.predicted_deg, color=BLUE, linestyle="-", label=model_label)
+        if panel.pressure_kpa is not None:
+            right = axes.twinx()
+            right.plot(panel.t_s, panel.pressure_kpa, color=ORANGE, linestyle=":", linewidth=0.9)
+            right.set_ylabel("command (kPa)", color=ORANGE)
+            right.spines["right"].set_visible(True)
+            right.grid(visible=False)
+        axes.set_title(panel.title, loc="left")
+        axes.set_ylabel("angle (°)")
+        error = panel.measured_deg - panel.predicted_deg
+        residual.plot(panel.t_s, error, color=VERMILION, linestyle="-", linewidth=0.7)
+        residual.axhline(0.0, color=BLACK, linestyle="-", linewidth=0.5)
+        rms = float(np.sqrt(np.mean(error**2)))
+        residual.set_title(f"measured − predicted, RMS {rms:.2f}°", loc="left")
+        residual.set_ylabel("(°)")
+    axes_of["log 0"].legend(loc="upper right")
+    for name in ("log", "residual"):
+        axes_of[f"{name} {len(panels) - 1}"].set_xlabel("time (s)")
+    return figure
+
+
+@dataclass(frozen=True)
+class CalibrationView:
+    """A calibration as it is drawn; angles in degrees.
+
+    `counts` and `angles_deg` are a dense curve with its standard uncertainty; `known_deg`,
+    `dwell_counts` and `up` are the dwells; `drifts` maps a later calibration's name to (angles,
+    differences).
+    """
+
+    counts: Floats
+    angles_deg: Floats
+    sigma_deg: Floats
+    known_deg: Floats
+    dwell_counts: Floats
+    dwell_residual_deg: Floats
+    up: NDArray[np.bool_]
+    drifts: Mapping[str, tuple[Floats, Floats]]
+
+
+def calibration_figure(view: CalibrationView) -> Figure:
+    """Draw the flex sensor's curve with its dwells, and what hysteresis and drift it shows."""
+    figure = new_figure(TWO_COLUMNS_IN, 2.6, [["curve", "difference"]])
+    curve, difference = figure.axes
+    curve.plot(view.counts, view.angles_deg, color=BLUE, label="monotone curve")
+    for up, marker, word in ((True, "^", "up"), (False, "v", "down")):
+        chosen = view.up == up
+        curve.plot(
+            view.dwell_counts[chosen],
+            view.known_deg[chosen],
+            color=BLACK,
+            linestyle="none",
+            marker=marker,
+            markersize=3,
+            label=f"dwells {word}",
+        )
+        difference.plot(
+            view.known_deg[chosen],
+            view.dwell_residual_deg[chosen],
+            color=BLACK,
+            linestyle="none",
+            marker=marker,
+            markersize=3,
+            label=f"{word}, curve − known",
+        )
+    difference.fill_between(
+        view.angles_deg,
+        -view.sigma_deg,
+        view.sigma_deg,
+        color=SKY,
+        alpha=0.4,
+        linewidth=0,
+        label="1 σ of the curve",
+    )
+    for (name, (angles, values)), colour in zip(
+        view.drifts.items(), (VERMILION, PURPLE, GREEN), strict=False
+    ):
+        difference.plot(
+            angles, values, color=colour, linestyle="--", marker=".", label=f"drift: {name}"
+        )
+    curve.set_xlabel("flex count")
+    curve.set_ylabel("bending angle (°)")
+    curve.set_title("(a) calibration before the trials", loc="left")
+    curve.legend()
+    difference.set_xlabel("known angle (°)")
+    difference.set_ylabel("difference (°)")
+    difference.set_title("(b) hysteresis, drift, uncertainty", loc="left")
+    difference.legend()
+    return figure
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One parameter's profile likelihood: values, rise of chi-square, estimate, 95 % interval."""
+
+    name: str
+    values: Floats
+    rise: Floats
+    estimate: float
+    low: float
+    high: float
+    determined: bool
+
+
+_NAMES = {
+    "alpha2": r"$\alpha_2$",
+    "alpha1": r"$\alpha_1$",
+    "a1": "$a_1$",
+    "a0": "$a_0$",
+    "b0": "$b_0$",
+    "K": "$K = b_0/a_0$ (rad)",
+}
+_LEVELS = {f"{100 * p:g} %": float(chdtri(1, 1 - p)) for p in (0.68, 0.95)}
+
+
+def identifiability_figure(profiles: Sequence[Profile]) -> Figure:
+    """Draw how far chi-square rises when one parameter is held and the others are fitted again."""
+    names = [profile.name for profile in profiles]
+    half = (len(names) + 1) // 2
+    mosaic = [names[:half], names[half:] + ["."] * (2 * half - len(names))]
+    figure = new_figure(TWO_COLUMNS_IN, 3.6, mosaic)
+    for axes, profile in zip(figure.axes, profiles, strict=True):
+        axes.plot(profile.values, profile.rise, color=BLUE, linestyle="-")
+        for label, level in _LEVELS.items():
+            axes.axhline(level, color=GREY, linestyle="--", linewidth=0.7)
+            axes.annotate(
+                label,
+                (1.0, level),
+                xycoords=("axes fraction", "data"),
+                ha="right",
+                va="bottom",
+                fontsize=6,
+                color="#555555",
+            )
+        axes.axvline(profile.estimate, color=BLACK, linestyle=":", linewidth=0.8)
+        axes.axvspan(profile.low, profile.high, color=SKY, alpha=0.25, linewidth=0)
+        if profile.values[0] > 0 and profile.values[-1] > 10 * profile.values[0]:
+            axes.set_xscale("log")
+        axes.set_ylim(0, 6)
+        axes.set_xlabel(_NAMES.get(profile.name, profile.name))
+        word = "determined" if profile.determined else "not determined"
+        axes.set_title(word, loc="left", color=GREEN if profile.determined else VERMILION)
+    for axes in figure.axes[::half]:
+        axes.set_ylabel("rise of χ²")
+    return figure

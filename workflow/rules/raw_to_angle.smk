@@ -1,0 +1,15 @@
+rule raw_to_angle:
+    """Verify the checksums, read every log, calibrate: flex counts become angles."""
+    input:
+        raw_files,
+    output:
+        trials=RESULTS / "{material}" / "trials.csv",
+        report=RESULTS / "{material}" / "parse_report.md",
+        calibration=RESULTS / "{material}" / "calibration.json",
+    params:
+        campaign=lambda wildcards: campaign_of(wildcards.material),
+        code=code("raw_to_angle.py"),
+    log:
+        RESULTS / "logs" / "{material}" / "raw_to_angle.log",
+    script:
+        script("raw_to_angle.py")
