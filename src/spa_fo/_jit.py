@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 import platformdirs
@@ -28,7 +28,7 @@ def _kernel_hash() -> str:
 # Numba's cache looks at one file at a time: a kernel inlined from another module goes stale.
 # A cache folder a source state cannot.
 if "NUMBA_CACHE_DIR" not in os.environ:
-    numba.config.CACHE_DIR = str(
+    numba.config.CACHE_DIR = str(  # type: ignore[attr-defined]
         Path(platformdirs.user_cache_dir("spa-fo")) / "numba" / _kernel_hash()
     )
 
@@ -39,7 +39,7 @@ def njit(function: Function) -> Function:
     No fastmath: results are bit-identical from run to run and for any number of threads, and
     NaN and infinity keep their meaning.
     """
-    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    return cast("Function", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 def njit_parallel(function: Function) -> Function:
@@ -48,4 +48,4 @@ def njit_parallel(function: Function) -> Function:
     Never reduce a scalar over `prange`, nor draw random numbers in it: both depend on the number
     of threads.
     """
-    return numba.njit(cache=True, parallel=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    return cast("Function", numba.njit(cache=True, parallel=True, error_model="numpy")(function))

@@ -1,0 +1,170 @@
+r"""The three-parameter Mittag-Leffler (Prabhakar) function of a real argument.
+
+.. math:: E^γ_{α,β}(z) = \sum_k \frac{(γ)_k z^k}{k! Γ(αk + β)}
+          = \frac{1}{2πi} \int e^s \frac{s^{αγ-β}}{(s^α - z)^γ} ds
+
+by the trapezoidal rule on contours around the branch points, as Garrappa (2015,
+doi:10.1137/140971191) does for α < 1. For α > 1 and z < 0 the integrand has a further pair of
+branch points at p = |z|^{1/α} e^{±iπ/α}. Where no contour encloses them without losing digits,
+each has a parabola of its own around a cut that leads away from the other branch points.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spa_fo._jit import njit
+from spa_fo.fractional.characteristic import cexp
+from spa_fo.fractional.step import HYPERBOLA_MU, HYPERBOLA_PHI, NODES, WEIGHTS
+
+_HALF_PLANE = 2j * math.pi
+# In the plane of sqrt(s) contours are vertical lines; keep this many steps between a contour and
+# a branch point: exp(-2 pi 5.25) = 5e-15.
+_CLEARANCE = 5.25
+_FINE = 0.15
+_COARSE = 0.35
+_NEGLIGIBLE = -33.0
+_TILT = math.pi / 6.0
+
+
+@njit
+def _log(s: complex) -> complex:
+    return complex(math.log(abs(s)), math.atan2(s.imag, s.real))
+
+
+@njit
+def _integrand(
+    s: complex, z: float, alpha: float, beta: float, gamma: float, outside: bool
+) -> complex:
+    """s^(αγ−β) (s^α − z)^(−γ) for Im s >= 0.
+
+    `outside`: continued from the positive axis around the outside of every branch point of the
+    upper half plane; otherwise on the principal sheet, cut outwards from p.
+    """
+    log_s = _log(s)
+    power = cexp(alpha * log_s)
+    log_base = _log(power - z)
+    if outside and log_base.imag < 0.0:
+        log_base += _HALF_PLANE
+    return cexp((alpha * gamma - beta) * log_s - gamma * log_base)
+
+
+@njit
+def _on_hyperbola(z: float, shift: float, alpha: float, beta: float, gamma: float) -> float:
+    """Σ without the factor e^shift; the contour encloses (−∞, shift]."""
+    total = 0.0
+    for k in range(NODES.size):
+        total += (WEIGHTS[k] * _integrand(shift + NODES[k], z, alpha, beta, gamma, True)).real
+    return total
+
+
+@njit
+def _around_origin(
+    z: float, m: float, step: float, alpha: float, beta: float, gamma: float, outside: bool
+) -> float:
+    """Parabola s = (m + iy)² around the negative axis."""
+    count = math.ceil(math.sqrt(m * m + 37.0) / step)
+    total = 0.0
+    for k in range(count):
+        v = complex(m, (k + 0.5) * step)
+        s = v * v
+        total += (v * cexp(s) * _integrand(s, z, alpha, beta, gamma, outside)).real
+    return total * 2.0 * step / math.pi
+
+
+@njit
+def _around_pole(z: float, p: complex, alpha: float, beta: float, gamma: float) -> float:
+    """Parabolas around p and its conjugate, their cuts tilted away from the negative axis."""
+    tilt = min(_TILT, math.pi - math.pi / alpha)
+    rotation = complex(math.cos(tilt), -math.sin(tilt))
+    # Re sqrt of the distance to the negative axis, in the tilted frame
+    distance = math.sqrt(p.imag * math.sin(tilt))
+    step = min(0.5 * distance / _CLEARANCE, _COARSE)
+    m = _CLEARANCE * step
+    count = math.ceil((math.sqrt(43.0 + 1.4 * m * m) + 0.6 * m) / step)
+    total = 0.0
+    for k in range(-count, count):
+        v = complex(m, (k + 0.5) * step)
+        s = p + rotation * (v * v)
+        value = rotation * v * cexp(s) * _integrand(s, z, alpha, beta, gamma, k >= 0)
+        total += value.real
+    return total * 2.0 * step / math.pi
+
+
+@njit
+def _prabhakar(z: float, alpha: float, beta: float, gamma: float) -> float:
+    if z > 0.0:
+        shift = math.exp(math.log(z) / alpha)
+        # Two factors, so that the product overflows only where the result does.
+        half = math.exp(0.5 * shift)
+        return half * (half * _on_hyperbola(z, shift, alpha, beta, gamma))
+    if z == 0.0 or alpha <= 1.0:
+        return _on_hyperbola(z, 0.0, alpha, beta, gamma)
+    p = cexp(complex(math.log(-z) / alpha, math.pi / alpha))
+    # Where p lies between the hyperbola and the cut, in the strip where the hyperbola is a line
+    scaled = p * (1.0 / HYPERBOLA_MU)
+    sine = 0.5 * (abs(scaled - 2.0) - abs(scaled))
+    if math.asin(max(-1.0, min(1.0, sine))) > HYPERBOLA_PHI + 0.3:
+        return _on_hyperbola(z, 0.0, alpha, beta, gamma)
+    root = math.sqrt(0.5 * (abs(p) + p.real))
+    if root < 2.0 * _CLEARANCE * _FINE:
+        return _around_origin(z, root + _CLEARANCE * _FINE, _FINE, alpha, beta, gamma, True)
+    step = min(0.5 * root / _CLEARANCE, _COARSE)
+    total = _around_origin(z, _CLEARANCE * step, step, alpha, beta, gamma, False)
+    if p.real > _NEGLIGIBLE:
+        total += _around_pole(z, p, alpha, beta, gamma)
+    return total
+
+
+@njit
+def _prabhakar_array(
+    z: np.ndarray, alpha: float, beta: float, gamma: float, out: np.ndarray
+) -> None:
+    for j in range(z.size):
+        out[j] = _prabhakar(z[j], alpha, beta, gamma)
+
+
+def mittag_leffler(
+    z: ArrayLike, alpha: float, beta: float = 1.0, gamma: float = 1.0
+) -> NDArray[np.float64]:
+    """Three-parameter Mittag-Leffler (Prabhakar) function E^γ_{α,β}(z) of a real argument.
+
+    Parameters
+    ----------
+    z : array_like
+        Real arguments of either sign.
+    alpha : float
+        0 < alpha < 2.
+    beta : float
+        Any real number; accuracy is stated for -5 <= beta <= 10.
+    gamma : float
+        Positive; accuracy is stated for gamma <= 5. With 1 it is the two-parameter function.
+
+    Returns
+    -------
+    ndarray
+        Same shape as z. For z <= 0 the absolute error is below 5e-11, mostly 1e-13; for z > 0
+        the relative error is of the order 1e-12 (it grows with z^(1/alpha), as the condition of
+        the function does). Infinite where the result overflows.
+
+    Raises
+    ------
+    ValueError
+        If z is not finite or a parameter is outside its domain.
+    """
+    alpha, beta, gamma = float(alpha), float(beta), float(gamma)
+    values = np.asarray(z, dtype=np.float64)
+    if not 0.0 < alpha < 2.0:
+        raise ValueError(f"alpha must lie in (0, 2), got {alpha}")
+    if not (math.isfinite(gamma) and gamma > 0.0):
+        raise ValueError(f"gamma must be positive, got {gamma}")
+    if not math.isfinite(beta):
+        raise ValueError(f"beta must be finite, got {beta}")
+    if not np.all(np.isfinite(values)):
+        raise ValueError("z must be finite")
+    out = np.empty(values.size)
+    _prabhakar_array(np.ascontiguousarray(values).ravel(), alpha, beta, gamma, out)
+    return out.reshape(values.shape)

@@ -1,0 +1,249 @@
+"""Response to a sampled input by recursive convolution on one hyperbola.
+
+The step response is Re Σ V_k e^{s_k t} plus the pair of poles, with nodes s_k that serve all lags
+from the shortest interval to the whole length (Weideman & Trefethen 2007, section 5,
+doi:10.1090/S0025-5718-07-01945-X). So every node carries one state, advanced exactly through each
+interval (convolution by Laplace inversion as in Lubich & Schädler 2002,
+doi:10.1137/S1064827501388741). The newest interval, whose lags go down to zero, is added by the
+ramp response at its full length.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spa_fo._jit import njit
+from spa_fo.fractional._elementary import fast_exp, fast_sincos
+from spa_fo.fractional.characteristic import cexp, check_parameters, find_pole, over
+from spa_fo.fractional.intervals import Hold, input_intervals
+from spa_fo.fractional.response_map import phi1
+
+_LOG_TOLERANCE = 29.0
+_CIRCLE = 16
+
+
+@njit
+def _hyperbola(spread: float) -> tuple[float, float]:
+    """Best angle φ of the hyperbola for lags up to `spread` times the shortest, and A(φ).
+
+    The error falls as exp(−N (π² − 2πφ)/A(φ)) with N nodes.
+    """
+    best_rate = 0.0
+    best_phi = 0.0
+    best_a = 1.0
+    for i in range(48):
+        phi = 0.25 * math.pi * (1.01 + 0.02 * i)
+        a = math.acosh(
+            ((math.pi - 2.0 * phi) * spread + 4.0 * phi - math.pi)
+            / ((4.0 * phi - math.pi) * math.sin(phi))
+        )
+        rate = (math.pi**2 - 2.0 * math.pi * phi) / a
+        if rate > best_rate:
+            best_rate, best_phi, best_a = rate, phi, a
+    return best_phi, best_a
+
+
+@njit
+def _regular_part(
+    s: complex,
+    p: complex,
+    residue: complex,
+    alpha2: float,
+    alpha1: float,
+    a1: float,
+    a0: float,
+    radius: float,
+) -> complex:
+    """1/(s D) less its pair of poles; near the pole the mean over a circle of that radius."""
+    if radius == 0.0 or abs(s - p) > radius:
+        log_s = complex(math.log(abs(s)), math.atan2(s.imag, s.real))
+        d = cexp(alpha2 * log_s) + a1 * cexp(alpha1 * log_s) + a0
+        value = over(1.0 + 0j, s * d)
+        if radius > 0.0:
+            value -= over(residue, s - p) + over(residue.conjugate(), s - p.conjugate())
+        return value
+    mean = 0j
+    for i in range(_CIRCLE):
+        z = s + radius * cexp(complex(0.0, 2.0 * math.pi * (i + 0.5) / _CIRCLE))
+        log_z = complex(math.log(abs(z)), math.atan2(z.imag, z.real))
+        d = cexp(alpha2 * log_z) + a1 * cexp(alpha1 * log_z) + a0
+        mean += over(1.0 + 0j, z * d)
+        mean -= over(residue, z - p) + over(residue.conjugate(), z - p.conjugate())
+    return mean * (1.0 / _CIRCLE)
+
+
+@njit
+def _simulate(
+    dt: np.ndarray,
+    jump: np.ndarray,
+    ramp: np.ndarray,
+    alpha2: float,
+    alpha1: float,
+    a1: float,
+    a0: float,
+    shortest: float,
+    longest: float,
+    tolerance: float,
+    out: np.ndarray,
+) -> None:
+    """Response with b0 = 1; intervals that differ by less than `tolerance` count as equal."""
+    phi, a = _hyperbola(longest / shortest)
+    count = 8 * math.ceil(_LOG_TOLERANCE * a / (math.pi**2 - 2.0 * math.pi * phi) / 8.0)
+    h = a / count
+    mu = (4.0 * math.pi * phi - math.pi**2) / a * count / longest
+
+    log_pole = find_pole(alpha2, alpha1, a1, a0)
+    p = 0j
+    residue = 0j
+    radius = 0.0
+    if log_pole.imag > 0.0:
+        p = cexp(log_pole)
+        power = alpha2 * cexp(alpha2 * log_pole) + alpha1 * a1 * cexp(alpha1 * log_pole)
+        residue = over(1.0 + 0j, power)
+        radius = 0.1 * (p.imag if p.real < 0.0 else abs(p))
+
+    node = np.empty((2, count))
+    value = np.empty((2, count))
+    for k in range(count):
+        u = (k + 0.5) * h
+        s = complex(mu * (1.0 - math.sin(phi) * math.cosh(u)), mu * math.cos(phi) * math.sinh(u))
+        # ds/du / i = mu cos(iu - phi)
+        slope = complex(math.cos(phi) * math.cosh(u), math.sin(phi) * math.sinh(u))
+        z = _regular_part(s, p, residue, alpha2, alpha1, a1, a0, radius)
+        v = z * slope * (mu * h / math.pi)
+        node[0, k], node[1, k] = s.real, s.imag
+        value[0, k], value[1, k] = v.real, v.imag
+
+    decay = np.empty((2, count))
+    gain = np.empty((2, count))
+    state = np.zeros((2, count))
+    pole_state = 0j
+    pole_decay = 0j
+    pole_mean = 0j
+    newest = 0.0
+    length = -1.0
+    for j in range(dt.size):
+        if dt[j] == 0.0:
+            out[j] = out[j - 1] if j > 0 else 0.0
+            continue
+        if abs(dt[j] - length) > tolerance:
+            length = dt[j]
+            _advance(length, node, value, decay, gain)
+            newest = 0.0
+            for k in range(count):
+                s = complex(node[0, k], node[1, k]) * length
+                v = complex(value[0, k], value[1, k]) * complex(decay[0, k], decay[1, k])
+                newest += over(v, s).real
+            pole_decay = cexp(p * length)
+            pole_mean = phi1(p * length, pole_decay)
+        total = _step_states(jump[j], ramp[j], value, decay, gain, state)
+        pole_state = pole_decay * (pole_state + jump[j]) + ramp[j] * pole_mean
+        out[j] = total + ramp[j] * newest + 2.0 * (residue * pole_state).real
+
+
+@njit
+def _advance(
+    length: float, node: np.ndarray, value: np.ndarray, decay: np.ndarray, gain: np.ndarray
+) -> None:
+    """Factors that carry the states through an interval: e^z and V (e^z − 1)/z with z = s dt."""
+    for k in range(node.shape[1]):
+        x = node[0, k] * length
+        y = node[1, k] * length
+        modulus = fast_exp(x)
+        sine, cosine = fast_sincos(y)
+        e_real = modulus * cosine
+        e_imag = modulus * sine
+        decay[0, k] = e_real
+        decay[1, k] = e_imag
+        square = x * x + y * y
+        m_real = ((e_real - 1.0) * x + e_imag * y) / square
+        m_imag = (e_imag * x - (e_real - 1.0) * y) / square
+        # Series 1 + z/2 (1 + z/3 (...)), where the difference would cancel.
+        t_real = 1.0
+        t_imag = 0.0
+        for i in range(9):
+            factor = 1.0 / (10.0 - i)
+            t_real, t_imag = (
+                1.0 + (t_real * x - t_imag * y) * factor,
+                (t_real * y + t_imag * x) * factor,
+            )
+        small = square < 0.01
+        m_real = t_real if small else m_real
+        m_imag = t_imag if small else m_imag
+        gain[0, k] = value[0, k] * m_real - value[1, k] * m_imag
+        gain[1, k] = value[0, k] * m_imag + value[1, k] * m_real
+
+
+@njit
+def _step_states(
+    jump: float,
+    ramp: float,
+    value: np.ndarray,
+    decay: np.ndarray,
+    gain: np.ndarray,
+    state: np.ndarray,
+) -> float:
+    """Advance all states through one interval; return the sum without the newest ramp."""
+    lanes = np.zeros(8)
+    for start in range(0, state.shape[1], 8):
+        for lane in range(8):
+            k = start + lane
+            real = state[0, k] + jump * value[0, k]
+            imag = state[1, k] + jump * value[1, k]
+            new_real = decay[0, k] * real - decay[1, k] * imag
+            lanes[lane] += new_real
+            state[0, k] = new_real + ramp * gain[0, k]
+            state[1, k] = decay[0, k] * imag + decay[1, k] * real + ramp * gain[1, k]
+    total: float = ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + (
+        (lanes[2] + lanes[6]) + (lanes[3] + lanes[7])
+    )
+    return total
+
+
+def simulate(
+    t: ArrayLike,
+    u: ArrayLike,
+    alpha2: float,
+    alpha1: float,
+    a1: float,
+    a0: float,
+    b0: float,
+    hold: Hold = "linear",
+) -> NDArray[np.float64]:
+    """Response of G(s) = b0/(s^α2 + a1 s^α1 + a0) to a sampled input, at rest before t[0].
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Sample times in s, not decreasing, of any spacing. The input is 0 before t[0].
+        Samples that share a time are a jump of the input there.
+    u : array_like, shape (n,)
+        Input at these times.
+    alpha2, alpha1, a1, a0, b0 : float
+        As for `step_response`.
+    hold : {"linear", "zero"}
+        Input between samples: straight lines, or each value held until the next.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        y(t), right to some 1e-11 b0/a0 max|u|.
+
+    Raises
+    ------
+    ValueError
+        If t and u differ in shape, are not one-dimensional or not finite, if times decrease, if
+        hold is neither of the two, or if a parameter is outside its domain.
+    """
+    parameters = check_parameters(alpha2, alpha1, a1, a0, b0)
+    dt, jump, ramp = input_intervals(t, u, hold)
+    out = np.zeros(dt.size)
+    moving = dt[dt > 0.0]
+    if moving.size:
+        longest = float(moving.sum())
+        tolerance = 8.0 * np.finfo(float).eps * float(np.max(np.abs(np.asarray(t, dtype=float))))
+        _simulate(dt, jump, ramp, *parameters[:4], float(moving.min()), longest, tolerance, out)
+    return parameters[4] * out
