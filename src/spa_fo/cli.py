@@ -9,6 +9,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 from spa_fo import __version__
 from spa_fo.atomic import write_text
@@ -39,10 +40,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-Commands = argparse._SubParsersAction  # type: ignore[type-arg]
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
-def _command(commands: Commands, name: str, summary: str, example: str) -> argparse.ArgumentParser:  # type: ignore[type-arg]
+def _command(commands: Commands, name: str, summary: str, example: str) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
         help=summary,
@@ -59,7 +60,7 @@ def _add_campaign(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_parse(commands: Commands) -> None:  # type: ignore[type-arg]
+def _add_parse(commands: Commands) -> None:
     parser = _command(
         commands,
         "parse",
@@ -82,7 +83,7 @@ def _parse(options: argparse.Namespace) -> None:
     print(data.report.to_markdown())
 
 
-def _add_fit(commands: Commands) -> None:  # type: ignore[type-arg]
+def _add_fit(commands: Commands) -> None:
     parser = _command(
         commands,
         "fit",
@@ -120,7 +121,7 @@ def _fit(options: argparse.Namespace) -> None:
     print(result.report())
 
 
-def _add_predict(commands: Commands) -> None:  # type: ignore[type-arg]
+def _add_predict(commands: Commands) -> None:
     parser = _command(
         commands,
         "predict",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +31,8 @@ def predict_deg(
     numpy.ndarray
         Angle in degrees, shape (n,).
     """
-    hold = "zero" if model.signal == "command" else "linear"
+    g = model.transfer_function
     u = pressure_kpa / model.reference_kpa
-    return np.degrees(simulate(t_s, u, *model.transfer_function.as_array(), hold=hold))
+    hold: Literal["linear", "zero"] = "zero" if model.signal == "command" else "linear"
+    theta = simulate(t_s, u, g.alpha2, g.alpha1, g.a1, g.a0, g.b0, hold=hold)
+    return np.degrees(theta)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -46,7 +47,7 @@ class StepPanel:
     curves: tuple[Curve, ...]
 
 
-_CURVE_STYLES = (
+_CURVE_STYLES: tuple[dict[str, Any], ...] = (
     {"color": BLUE, "linestyle": "-", "linewidth": 1.6},
     {"color": VERMILION, "linestyle": "--", "linewidth": 1.6},
     {"color": GREEN, "linestyle": "-.", "linewidth": 1.2},
