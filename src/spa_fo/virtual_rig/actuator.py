@@ -1,0 +1,399 @@
+"""True pressure -> true angle: a fractional viscoelastic bending element and its imperfections.
+
+The core is s^α2 θ + a1 s^α1 θ + a0 θ = b0 u with 1 < α1 < α2 < 2. With v = dθ/dt each fractional
+term is a fractional derivative of v, of order β = α - 1 in (0, 1), and that is a continuum of
+Maxwell branches (the diffusive representation, Montseny 1998; Prony series in rubber elasticity):
+
+    s^β = (sin πβ / π) ∫ r^(β-1) s/(s+r) dr,    r = e^x, trapezoidal rule in x,
+
+so the material is a bundle of dashpots v - y_k behind springs, dy_k/dt = r_k (v - y_k). Branches
+slower than the slowest node act as one plain dashpot, those faster than the fastest as inertia:
+both tails are summed exactly. Time runs in steps with v linear in each, branches integrated
+exactly, and the moment balance solved for the new v by Newton's method: any nonlinear restoring
+moment may stand in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from spa_fo._jit import njit
+from spa_fo.virtual_rig.arrays import Array
+
+# Rates of the Maxwell branches, 1/s. Three a decade resolve s^β to 3e-6 on the imaginary axis.
+_RATES = np.logspace(-4, 4, 25)
+_SPACING = np.log(_RATES[1] / _RATES[0])
+
+
+@dataclass(frozen=True)
+class FractionalCore:
+    """Coefficients of G(s) = b0 / (s^alpha2 + a1 s^alpha1 + a0), rad per unit u."""
+
+    alpha2: float
+    alpha1: float
+    a1: float
+    a0: float
+    b0: float
+
+    def __post_init__(self) -> None:
+        if not 1 < self.alpha1 < self.alpha2 < 2:
+            raise ValueError("the virtual actuator needs 1 < alpha1 < alpha2 < 2")
+
+    @property
+    def gain(self) -> float:
+        """Static gain b0/a0, rad per unit u."""
+        return self.b0 / self.a0
+
+
+@dataclass(frozen=True)
+class ParameterShift:
+    """Another specimen: each coefficient of the core times its factor."""
+
+    alpha2: float = 1.0
+    alpha1: float = 1.0
+    a1: float = 1.0
+    a0: float = 1.0
+    b0: float = 1.0
+
+    def shifted(self, core: FractionalCore) -> FractionalCore:
+        """Give the core of this specimen."""
+        return FractionalCore(
+            core.alpha2 * self.alpha2,
+            core.alpha1 * self.alpha1,
+            core.a1 * self.a1,
+            core.a0 * self.a0,
+            core.b0 * self.b0,
+        )
+
+
+@dataclass(frozen=True)
+class Stiffening:
+    """Limiting extensibility (Gent 1996): moment a0 θ / (1 - (θ/θ_lock)²)."""
+
+    lock_deg: float
+
+
+@dataclass(frozen=True)
+class GravityLoad:
+    """A weight at the tip: moment a0 w (cos ψ - cos(ψ + θ)), ψ the mounting angle.
+
+    Parameters
+    ----------
+    weight_rad : float
+        w, the weight's moment at a horizontal lever over a0, rad.
+    mounting_deg : float
+        ψ; 0 hangs down, 90 lies flat.
+    """
+
+    weight_rad: float
+    mounting_deg: float = 0.0
+
+
+@dataclass(frozen=True)
+class ContactStop:
+    """A Hertzian contact (exponent 3/2) beyond `angle_deg`, `stiffness` times a0 per rad^(1/2)."""
+
+    angle_deg: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class MullinsSoftening:
+    """A bundle of weak links that break where the strain exceeds their threshold.
+
+    Twelve links with thresholds spread evenly up to `span_deg`. A link above its threshold decays
+    with time constant `break_s`, and heals at rest with `heal_s`.
+
+    Parameters
+    ----------
+    fraction : float
+        Extra stiffness of the virgin bundle, as a share of a0.
+    """
+
+    fraction: float
+    span_deg: float = 75.0
+    break_s: float = 12.0
+    heal_s: float = 20000.0
+
+
+@dataclass(frozen=True)
+class Creep:
+    """Kelvin-Voigt elements in series with the core: extra angle, shares of the static angle.
+
+    Parameters
+    ----------
+    fraction : float
+        Share of the static angle that each element adds in the end.
+    times_s : tuple of float
+        Retardation times, one an element.
+    """
+
+    fraction: float
+    times_s: tuple[float, ...] = (3.0, 15.0, 75.0)
+
+
+@dataclass(frozen=True)
+class Hysteresis:
+    """Bouc-Wen friction (n = 1) beside the restoring moment: dz = dθ/θ_y - |dθ| z/θ_y.
+
+    Parameters
+    ----------
+    moment_deg : float
+        Saturated friction moment over a0, deg: half the height of the loop.
+    yield_deg : float
+        Angle θ_y over which the friction turns round.
+    """
+
+    moment_deg: float
+    yield_deg: float = 6.0
+
+
+@dataclass(frozen=True)
+class ThermalDrift:
+    """The material warms and softens: the gain grows by `per_hour` an hour, compounding."""
+
+    per_hour: float
+
+
+@dataclass(frozen=True)
+class SoftActuator:
+    """The specimen: its core and its imperfections; None is an effect that is absent."""
+
+    core: FractionalCore
+    reference_kpa: float
+    parameter_shift: ParameterShift | None = None
+    stiffening: Stiffening | None = None
+    gravity_load: GravityLoad | None = None
+    contact_stop: ContactStop | None = None
+    mullins_softening: MullinsSoftening | None = None
+    creep: Creep | None = None
+    hysteresis: Hysteresis | None = None
+    thermal_drift: ThermalDrift | None = None
+
+    def begin(self, step_s: float, now_s: float = 0.0) -> RunningActuator:
+        """Start a virgin specimen at rest at campaign time `now_s`."""
+        return RunningActuator(self, step_s, now_s)
+
+    def without_effects(self) -> SoftActuator:
+        """Give the bare core."""
+        return SoftActuator(self.core, self.reference_kpa)
+
+
+class _Branches(NamedTuple):
+    """The fractional terms discretised for one step length."""
+
+    weight: Array
+    keep: Array
+    from_old: Array
+    from_new: Array
+    dashpot: float
+    inertia: float
+
+
+class _Moment(NamedTuple):
+    """Sizes of everything in the restoring moment, as the kernel wants them (rad; 0 is off)."""
+
+    a0: float
+    inverse_lock: float
+    weight: float
+    mounting: float
+    stop: float
+    stop_stiffness: float
+    friction: float
+    inverse_yield: float
+    softening: float
+    break_rate: float
+    heal_rate: float
+
+
+class _State(NamedTuple):
+    """What the specimen remembers; the arrays change in place."""
+
+    motion: Array  # θ, dθ/dt, friction z
+    branches: Array
+    links: Array
+    creep: Array
+
+
+class RunningActuator:
+    """A specimen and its memory.
+
+    Parameters
+    ----------
+    actuator : SoftActuator
+        What it is.
+    step_s : float
+        Simulation step, s.
+    now_s : float
+        Campaign time it begins at, s.
+    """
+
+    def __init__(self, actuator: SoftActuator, step_s: float, now_s: float) -> None:
+        shift = actuator.parameter_shift or ParameterShift()
+        self._core = shift.shifted(actuator.core)
+        self._actuator = actuator
+        self._step_s = step_s
+        self._now_s = now_s
+        self._gain = 1.0
+        self._branches = _branches(self._core, 1.0, step_s)
+        self._moment = _moment(actuator, self._core)
+        mullins = actuator.mullins_softening or MullinsSoftening(0.0)
+        creep = actuator.creep or Creep(0.0)
+        self._thresholds = np.deg2rad(mullins.span_deg) * np.arange(12) / 12.0
+        self._creep_keep = np.exp(-step_s / np.array(creep.times_s))
+        self._creep_fraction = creep.fraction / self._core.a0
+        self._state = _State(
+            np.zeros(3), np.zeros(_RATES.size), np.ones(12), np.zeros(len(creep.times_s))
+        )
+
+    def retune(self, gain: float, pace: float) -> None:
+        """Give the next trial its own gain and pace (factors; 1 is the specimen's own)."""
+        self._gain = gain
+        self._branches = _branches(self._core, pace, self._step_s)
+
+    def __call__(self, pressure_kpa: Array) -> Array:
+        """Angles in deg at the end of each step with this true pressure during it."""
+        drift = self._actuator.thermal_drift or ThermalDrift(0.0)
+        time = self._now_s + self._step_s * np.arange(1, pressure_kpa.size + 1)
+        self._now_s += self._step_s * pressure_kpa.size
+        gain = self._gain * (1.0 + drift.per_hour) ** (time / 3600.0)
+        load = self._core.b0 * gain * pressure_kpa / self._actuator.reference_kpa
+        angle = _advance(
+            load,
+            self._step_s,
+            self._branches,
+            self._moment,
+            self._thresholds,
+            self._creep_keep,
+            self._creep_fraction,
+            self._state,
+        )
+        return np.rad2deg(angle)
+
+
+def _branches(core: FractionalCore, pace: float, step_s: float) -> _Branches:
+    """Weights of the branches of s^α2 + a1 s^α1, with time running `pace` times as fast."""
+    weight = np.zeros(_RATES.size)
+    dashpot = inertia = 0.0
+    for coefficient, alpha in ((1.0, core.alpha2), (core.a1, core.alpha1)):
+        beta = alpha - 1.0
+        scale = coefficient * pace**-alpha * np.sin(np.pi * beta) / np.pi * _SPACING
+        weight += scale * _RATES**beta
+        dashpot += scale * _RATES[0] ** beta / np.expm1(beta * _SPACING)
+        inertia += scale * _RATES[-1] ** (beta - 1.0) / np.expm1((1.0 - beta) * _SPACING)
+    x = _RATES * step_s
+    keep = np.exp(-x)
+    mean_keep = -np.expm1(-x) / x
+    return _Branches(weight, keep, mean_keep - keep, 1.0 - mean_keep, dashpot, inertia)
+
+
+def _moment(actuator: SoftActuator, core: FractionalCore) -> _Moment:
+    stiffening = actuator.stiffening or Stiffening(np.inf)
+    gravity = actuator.gravity_load or GravityLoad(0.0)
+    stop = actuator.contact_stop or ContactStop(0.0, 0.0)
+    mullins = actuator.mullins_softening or MullinsSoftening(0.0)
+    hysteresis = actuator.hysteresis or Hysteresis(0.0)
+    return _Moment(
+        a0=core.a0,
+        inverse_lock=1.0 / float(np.deg2rad(stiffening.lock_deg)),
+        weight=gravity.weight_rad,
+        mounting=float(np.deg2rad(gravity.mounting_deg)),
+        stop=float(np.deg2rad(stop.angle_deg)),
+        stop_stiffness=stop.stiffness,
+        friction=float(np.deg2rad(hysteresis.moment_deg)),
+        inverse_yield=1.0 / float(np.deg2rad(hysteresis.yield_deg)),
+        softening=mullins.fraction,
+        break_rate=1.0 / mullins.break_s,
+        heal_rate=1.0 / mullins.heal_s,
+    )
+
+
+@njit
+def _restoring(
+    angle: float, moved: float, friction: float, bundle: float, m: _Moment
+) -> tuple[float, float, float]:
+    """Restoring moment over a0, its slope in the angle, and the friction state after `moved`."""
+    stretch = 1.0 - (angle * m.inverse_lock) ** 2
+    # A lock is never reached by design; the bound keeps Newton's first guesses finite.
+    stretch = max(stretch, 0.05)
+    stiff = 1.0 + m.softening * bundle
+    moment = angle / stretch * stiff
+    slope = (2.0 - stretch) / stretch**2 * stiff
+    moment += m.weight * (np.cos(m.mounting) - np.cos(m.mounting + angle))
+    slope += m.weight * np.sin(m.mounting + angle)
+    beyond = max(angle - m.stop, 0.0)
+    moment += m.stop_stiffness * beyond**1.5
+    slope += 1.5 * m.stop_stiffness * beyond**0.5
+    turned = moved * m.inverse_yield
+    friction = (friction + turned) / (1.0 + abs(turned))
+    moment += m.friction * friction
+    slope += m.friction * m.inverse_yield * (1.0 - np.sign(moved) * friction) / (1.0 + abs(turned))
+    return moment, slope, friction
+
+
+@njit
+def _advance(
+    load: Array,
+    step: float,
+    branches: _Branches,
+    moment: _Moment,
+    thresholds: Array,
+    creep_keep: Array,
+    creep_fraction: float,
+    state: _State,
+) -> Array:
+    out = np.empty_like(load)
+    angle, rate, friction = state.motion[0], state.motion[1], state.motion[2]
+    y, links, creep = state.branches, state.links, state.creep
+    resistance = (
+        np.sum(branches.weight * (1.0 - branches.from_new))
+        + branches.dashpot
+        + branches.inertia / step
+    )
+    for i in range(load.size):
+        pull = branches.inertia / step * rate
+        for k in range(y.size):
+            y[k] = branches.keep[k] * y[k] + branches.from_old[k] * rate
+            pull += branches.weight[k] * y[k]
+        bundle = 0.0
+        for k in range(links.size):
+            bundle += links[k]
+        bundle /= links.size
+        new_rate = rate
+        for _ in range(20):
+            moved = 0.5 * step * (rate + new_rate)
+            restoring, slope, _ = _restoring(angle + moved, moved, friction, bundle, moment)
+            excess = resistance * new_rate - pull + moment.a0 * restoring - load[i]
+            change = excess / (resistance + moment.a0 * slope * 0.5 * step)
+            new_rate -= change
+            if abs(change) < 1e-13:
+                break
+        moved = 0.5 * step * (rate + new_rate)
+        friction = (friction + moved * moment.inverse_yield) / (
+            1.0 + abs(moved * moment.inverse_yield)
+        )
+        angle += moved
+        for k in range(y.size):
+            y[k] += branches.from_new[k] * new_rate
+        rate = new_rate
+        for k in range(links.size):
+            if angle > thresholds[k]:
+                links[k] -= step * moment.break_rate * links[k]
+            else:
+                links[k] += step * moment.heal_rate * (1.0 - links[k])
+        total = angle
+        for k in range(creep.size):
+            creep[k] += (1.0 - creep_keep[k]) * (creep_fraction * load[i] - creep[k])
+            total += creep[k]
+        out[i] = total
+    state.motion[0], state.motion[1], state.motion[2] = angle, rate, friction
+    return out
+
+
+def step_response(core: FractionalCore, duration_s: float, step_s: float) -> Array:
+    """Response of the bare core to u = 1, rad at the end of each step; for checks."""
+    run = SoftActuator(core, 1.0).begin(step_s)
+    return np.deg2rad(run(np.ones(round(duration_s / step_s))))

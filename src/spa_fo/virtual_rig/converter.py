@@ -1,0 +1,96 @@
+"""Voltages -> counts: the pressure sensor, the board's 10-bit converters and their pick-up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.virtual_rig.arrays import Array
+
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Converter:
+    """An analog-to-digital converter.
+
+    With 10 bits over 5 V one count of the pressure channel is 0.67 kPa and one of the flex
+    channel about 0.35°. Counts are rounded from a wide continuum, so the last digits of the
+    simulation, which may differ between machines, do not reach the log.
+
+    Parameters
+    ----------
+    bits : int
+        Resolution.
+    reference_volt : float
+        Full scale.
+    noise_counts : float
+        Standard deviation of the white noise ahead of the rounding, counts.
+    """
+
+    bits: int = 10
+    reference_volt: float = 5.0
+    noise_counts: float = 0.6
+
+    @property
+    def maximum(self) -> int:
+        """Largest count."""
+        return int(2**self.bits - 1)
+
+    def counts(self, volts: Array, rng: np.random.Generator) -> Counts:
+        """Sample the voltages."""
+        ideal = volts / self.reference_volt * self.maximum
+        noisy = ideal + self.noise_counts * rng.standard_normal(volts.shape)
+        return np.clip(np.rint(noisy), 0, self.maximum).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class PressureSensor:
+    """A ratiometric gauge sensor, 0-80 psi, straight between its end points."""
+
+    volts_at_ends: tuple[float, float] = (0.5, 4.5)
+    kpa_at_ends: tuple[float, float] = (0.0, 551.6)
+
+    def volts(self, pressure_kpa: Array) -> Array:
+        """Output voltage."""
+        low, high = self.volts_at_ends
+        empty, full = self.kpa_at_ends
+        return np.asarray(low + (high - low) * (pressure_kpa - empty) / (full - empty))
+
+
+@dataclass(frozen=True)
+class ChannelLatency:
+    """The flex channel is stored `delay_s` late against command and pressure."""
+
+    delay_s: float
+
+
+@dataclass(frozen=True)
+class MainsPickup:
+    """Interference on the flex channel, with a share of the third harmonic.
+
+    Sampled at a multiple of its period it would stand still; a mains that is off by a fraction
+    of a hertz beats slowly.
+    """
+
+    amplitude_counts: float
+    frequency_hz: float = 50.03
+    third_harmonic: float = 0.2
+
+    def counts(self, time_s: Array) -> Array:
+        """Interference at campaign times, counts."""
+        phase = 2.0 * np.pi * self.frequency_hz * time_s
+        wave = np.sin(phase) + self.third_harmonic * np.sin(3.0 * phase)
+        return np.asarray(self.amplitude_counts * wave)
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """The board's analog side; None is an effect that is absent."""
+
+    pressure_sensor: PressureSensor = PressureSensor()
+    converter: Converter = Converter()
+    channel_latency: ChannelLatency | None = None
+    mains_pickup: MainsPickup | None = None
