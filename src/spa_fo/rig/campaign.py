@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -111,6 +111,7 @@ class Campaign:
     calibration: tuple[CalibrationFile, ...] = ()  # earliest first
     pressure_sensor: PressureSensor | None = None
     continues: str | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def yaml(self) -> Path:
@@ -154,8 +155,11 @@ def read_campaign(folder: Path | str) -> Campaign:
     validate(document, package_schema("spa_fo.rig", "campaign.schema.yaml"), path)
     campaign = _build(document, folder)
     _check_sense(campaign)
-    _check_files(campaign)
-    return campaign
+    unread = _check_files(campaign)
+    warnings = tuple(
+        f"{name} is in SHA256SUMS, but campaign.yaml does not name it" for name in unread
+    )
+    return replace(campaign, warnings=warnings)
 
 
 def _build(document: Mapping[str, Any], folder: Path) -> Campaign:
@@ -284,7 +288,7 @@ def _claim(taken: dict[Any, str], value: Any, where: str, path: Path, kind: str)
     taken[value] = where
 
 
-def _check_files(campaign: Campaign) -> None:
+def _check_files(campaign: Campaign) -> tuple[str, ...]:
     wheres = {item.file: "calibration" for item in campaign.calibration}
     for experiment, number, trial in campaign.trial_files():
         wheres[trial.file] = f"experiment '{experiment.name}', trial {number}"
@@ -299,4 +303,4 @@ def _check_files(campaign: Campaign) -> None:
             raise BadInput(path, f"is not there, but {campaign.yaml.name} names it", where)
         if path.stat().st_size == 0:
             raise BadInput(path, "is empty; expected a log", where)
-    checksums.verify(campaign.folder, wheres)
+    return checksums.verify(campaign.folder, wheres)

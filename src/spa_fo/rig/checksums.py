@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from spa_fo.errors import BadInput
@@ -13,13 +13,15 @@ NAME = "SHA256SUMS"
 _LINE = re.compile(r"(?P<digest>[0-9a-fA-F]{64}) [ *](?P<file>.+)")
 
 
-def read_checksums(folder: Path) -> dict[str, str]:
+def read_checksums(folder: Path, files: Iterable[str] = ("*/*.log",)) -> dict[str, str]:
     """Read ``SHA256SUMS`` of a campaign folder (the format of the sha256sum command).
 
     Parameters
     ----------
     folder : Path
         The campaign folder.
+    files : iterable of str
+        The files it should list, for the advice when it is missing.
 
     Returns
     -------
@@ -32,13 +34,14 @@ def read_checksums(folder: Path) -> dict[str, str]:
         The file is missing or a line is not ``<64 hex digits>  <file>``.
     """
     path = folder / NAME
+    patterns = sorted({(Path(file).parent / f"*{Path(file).suffix}").as_posix() for file in files})
     try:
         lines = path.read_bytes().decode("utf-8-sig").splitlines()
     except FileNotFoundError as error:
         raise BadInput(
             path,
             "is missing; expected the checksums of every raw file: "
-            f"(cd {folder} && sha256sum $(find . -name '*.log' -printf '%P ') > {NAME})",
+            f"cd {folder} && sha256sum {' '.join(patterns)} > {NAME}",
         ) from error
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(path, "cannot be read; expected sha256sum's format") from error
@@ -56,15 +59,20 @@ def read_checksums(folder: Path) -> dict[str, str]:
     return digests
 
 
-def verify(folder: Path, files: Iterable[str]) -> None:
+def verify(folder: Path, files: Collection[str]) -> tuple[str, ...]:
     """Check every raw file of a campaign against its ``SHA256SUMS``.
 
     Parameters
     ----------
     folder : Path
         The campaign folder.
-    files : iterable of str
+    files : collection of str
         The files that campaign.yaml names, relative to `folder`; they exist.
+
+    Returns
+    -------
+    tuple of str
+        Files that are listed and sound but that campaign.yaml does not name.
 
     Raises
     ------
@@ -73,7 +81,7 @@ def verify(folder: Path, files: Iterable[str]) -> None:
         the same bytes, or a ``.log`` lies in the folder that nobody lists.
     """
     sums = folder / NAME
-    expected = read_checksums(folder)
+    expected = read_checksums(folder, files)
     for name in files:
         if name not in expected:
             raise BadInput(sums, f"does not list {name}; run sha256sum {name} >> {NAME}")
@@ -87,9 +95,11 @@ def verify(folder: Path, files: Iterable[str]) -> None:
             raise BadInput(
                 path, f"its SHA-256 is {actual[:12]}..., but {NAME} says {digest[:12]}..."
             )
-        if digest in owners:
-            raise BadInput(path, f"holds the same bytes as {owners[digest]}; expected its own log")
-        owners[digest] = name
+        if name in files:
+            if digest in owners:
+                raise BadInput(path, f"holds the same bytes as {owners[digest]}; expected its own")
+            owners[digest] = name
     for path in sorted(folder.rglob("*.log")):
         if path.relative_to(folder).as_posix() not in expected:
             raise BadInput(path, f"is not listed in {NAME}; expected every raw file there")
+    return tuple(name for name in expected if name not in files and name != "campaign.yaml")

@@ -17,6 +17,8 @@ import numpy as np
 
 WRAP = 2**32  # micros() is an unsigned 32-bit counter
 CONFIRM = 3  # rows that must agree before a jump of the clock is believed
+_JITTER = 0.9  # of a period: a sample may be late by nearly one, and the next one on time again
+_RATE_TOLERANCE = 0.01  # of the time between two rows: a ceramic resonator keeps 0.5 %
 _LOOSE = 8  # unconfirmed chains kept at a time
 
 
@@ -38,15 +40,46 @@ class Followed:
     implausible: list[int] = field(default_factory=list)
 
 
-def sampling_period(seq: Sequence[int], t_us: Sequence[int], nominal_us: float) -> float:
-    """Return the period (µs): the median step of rows next to each other, else `nominal_us`."""
+@dataclass(frozen=True)
+class Pace:
+    """How t_us grows with seq: one period a sample, give or take the tolerance (µs)."""
+
+    period_us: float
+    tolerance_us: float
+
+    def lead(self, seq_i: int, t_i: int, seq_j: int, t_j: int) -> int:
+        """Return how much later row j comes after row i than its seq promises (µs, ± half a wrap).
+
+        A pause or a board that was busy makes it positive.
+        """
+        ahead = t_j - t_i - round((seq_j - seq_i) * self.period_us)
+        return (ahead + WRAP // 2) % WRAP - WRAP // 2
+
+    def follows(self, seq_i: int, t_i: int, seq_j: int, t_j: int) -> bool:
+        """Say whether row j can come after row i on the same, unpaused clock."""
+        steps = seq_j - seq_i
+        if steps < 1:
+            return False
+        allowed = self.tolerance_us + _RATE_TOLERANCE * steps * self.period_us
+        return abs(self.lead(seq_i, t_i, seq_j, t_j)) <= allowed
+
+
+def pace(seq: Sequence[int], t_us: Sequence[int], nominal_us: float) -> Pace:
+    """Estimate the pace from rows next to each other: median step, and its scatter.
+
+    The tolerance is `_JITTER` of a period, or more where the log itself is that irregular.
+    """
     steps = np.mod(np.diff(np.asarray(t_us, dtype=np.int64)), WRAP)
     steps = steps[np.diff(np.asarray(seq, dtype=np.int64)) == 1]
-    return float(np.median(steps)) if steps.size and np.median(steps) > 0 else nominal_us
+    period = float(np.median(steps)) if steps.size else 0.0
+    if period <= 0.0:
+        return Pace(nominal_us, _JITTER * nominal_us)
+    scatter = 1.4826 * float(np.median(np.abs(steps - period)))
+    return Pace(period, max(_JITTER * period, 5.0 * scatter))
 
 
 def follow(
-    seq: Sequence[int], t_us: Sequence[int], content: Sequence[Hashable], period_us: float
+    seq: Sequence[int], t_us: Sequence[int], content: Sequence[Hashable], pace: Pace
 ) -> Followed:
     """Sort the rows between two banners into runs of one clock, duplicates and the implausible.
 
@@ -56,8 +89,8 @@ def follow(
         As logged, in line order.
     content : sequence of hashable, length n
         Equal for rows that are byte for byte the same.
-    period_us : float
-        The sampling period.
+    pace : Pace
+        Of the whole log.
 
     Returns
     -------
@@ -68,18 +101,15 @@ def follow(
     """
 
     def lead(i: int, j: int) -> int:
-        """How much later than its seq promises row j comes after row i (µs, modulo the wrap)."""
-        ahead = t_us[j] - t_us[i] - round((seq[j] - seq[i]) * period_us)
-        return (ahead + WRAP // 2) % WRAP - WRAP // 2
+        return pace.lead(seq[i], t_us[i], seq[j], t_us[j])
 
     def follows(i: int, j: int) -> bool:
-        steps = seq[j] - seq[i]
-        return steps >= 1 and abs(lead(i, j)) <= (0.5 + 0.01 * steps) * period_us
+        return pace.follows(seq[i], t_us[i], seq[j], t_us[j])
 
     def extend(run: Run, j: int) -> None:
         if run.rows:
             i = run.rows[-1]
-            elapsed = round((seq[j] - seq[i]) * period_us) + lead(i, j)
+            elapsed = round((seq[j] - seq[i]) * pace.period_us) + lead(i, j)
             run.ticks.append(run.ticks[-1] + elapsed)
         else:
             run.ticks.append(t_us[j])

@@ -108,6 +108,12 @@ def read_csv_log(
             role: (raw[:, i] * column.scale + column.offset) * UNITS[column.unit]
             for i, (role, column) in enumerate(needed.items())
         }
+    finite = np.all([np.isfinite(array) for array in converted.values()], axis=0)
+    for index in np.flatnonzero(~finite):
+        tally.add("too large", numbers[index])
+    numbers = [numbers[index] for index in np.flatnonzero(finite)]
+    raw = raw[finite]
+    converted = {role: array[finite] for role, array in converted.items()}
     keep, duplicates = _in_order(converted["time"], raw, numbers, tally)
     comments = sum(row is not None and row[0][:1] == "#" for _, row in rows)
     report = FileReport(

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from spa_fo.errors import BadInput
-from spa_fo.rig.clock import WRAP, follow, sampling_period
+from spa_fo.rig.clock import WRAP, follow, pace
 from spa_fo.rig.parse_report import FileReport, Tally
-from spa_fo.rig.wire import Banner, LineParser, is_banner, parse_banner
+from spa_fo.rig.wire import (
+    Banner,
+    LineParser,
+    is_banner,
+    is_comment,
+    no_banner,
+    parse_banner,
+)
 
 Floats = npt.NDArray[np.float64]
 
@@ -74,61 +82,101 @@ def parse_spa_rig_log(data: bytes, path: Path | str, name: str | None = None) ->
     """
     if not data:
         raise BadInput(path, "is empty; expected a spa-rig log")
-    lines = data.split(b"\n")
-    if lines[-1] == b"":
-        lines.pop()
-    lines = [line.removesuffix(b"\r") for line in lines]
-    first, banner = _first_banner(lines, path)
-    parser = LineParser(banner.columns)
+    lines = [line.removesuffix(b"\r") for line in data.removesuffix(b"\n").split(b"\n")]
+    at, banner = _first_banner(lines, path)
     tally = Tally()
-    rows: list[tuple[bytes, ...]] = []
-    numbers: list[int] = []
-    stretches = [0]  # where in rows each banner's stretch begins
-    comments = 0
-    banners = 1
-    for number, line in enumerate(lines, start=1):
-        if number == first + 1:
-            continue
-        fields = parser.parse(line)
-        if fields is not None:
-            rows.append(fields)
-            numbers.append(number)
-        elif line.startswith(b"# ") and _printable(line):
-            if not is_banner(line):
-                comments += 1
-            elif _same_banner(line, banner):
-                banners += 1
-                stretches.append(len(rows))
-            else:
-                tally.add("banner", number)
-        else:
-            tally.add(parser.reason(line), number)
-    rows, numbers, stretches = _in_range(rows, numbers, stretches, banner, tally)
+    sorted_lines = _sort_lines(lines, at, banner, tally)
+    timeline = _Timeline(sorted_lines, banner)
+    for index in timeline.implausible:
+        tally.add("implausible time", sorted_lines.numbers[index])
     report = FileReport(
-        name or str(path), len(lines), 0, tally.damage(), comments=comments, banners=banners
+        name or str(path),
+        lines=len(lines),
+        valid=len(timeline.rows),
+        damaged=tally.damage(),
+        duplicates=timeline.duplicates,
+        comments=sorted_lines.comments,
+        banners=sorted_lines.banners,
+        gaps=timeline.gaps,
+        missing_samples=timeline.missing,
+        pauses=timeline.pauses,
+        wraps=timeline.wraps,
+        resets=timeline.resets,
+        resets_without_banner=timeline.resets_without_banner,
+        notes=tuple(timeline.notes),
     )
-    return _assemble(rows, numbers, stretches, banner, tally, report, path)
-
-
-def _printable(line: bytes) -> bool:
-    return line.isascii() and line.decode("ascii").isprintable()
+    if not timeline.rows:
+        raise BadInput(path, f"holds no valid sample in {len(lines)} lines: {report.why()}")
+    rows = [sorted_lines.rows[i] for i in timeline.rows]
+    segment = np.array(timeline.segments, dtype=np.int64)
+    ticks = np.array(timeline.ticks_us)
+    return SpaRigLog(
+        banner=banner,
+        t_s=(ticks - ticks[0]) / 1e6,
+        columns={
+            column: np.array([float(row[place]) for row in rows])
+            for place, column in enumerate(banner.columns)
+            if column not in ("seq", "t_us")
+        },
+        seq=np.array([timeline.seq[i] for i in timeline.rows], dtype=np.int64),
+        line=np.array([sorted_lines.numbers[i] for i in timeline.rows], dtype=np.int64),
+        after_reset=segment > 0,
+        segment=segment,
+        report=report,
+    )
 
 
 def _first_banner(lines: list[bytes], path: Path | str) -> tuple[int, Banner]:
     """Find the banner: line 1, or behind what a serial port held before the board restarted."""
+    probe = LineParser(("seq", "t_us", "flex_adc"))
     for index, line in enumerate(lines):
         if is_banner(line):
             try:
                 return index, parse_banner(line)
             except ValueError as error:
                 raise BadInput(path, str(error), f"line {index + 1}") from error
-        if LineParser(("seq", "t_us", "flex_adc")).reason(line) in ("fields", "not a number"):
-            break  # a whole data line (its checksum holds) before any banner
-    try:
-        parse_banner(lines[0])
-    except ValueError as error:
-        raise BadInput(path, str(error), "line 1") from error
-    raise AssertionError("unreachable")  # pragma: no cover
+        if probe.reason(line) in ("fields", "not a number"):
+            break  # a data line whose checksum holds, before any banner
+    raise BadInput(path, no_banner(lines[0]), "line 1")
+
+
+@dataclass
+class _Lines:
+    """Lines sorted by what they are: `stretches` says where in `rows` each banner's rows begin."""
+
+    rows: list[tuple[bytes, ...]]
+    numbers: list[int]
+    stretches: list[int]
+    comments: int = 0
+    banners: int = 0
+
+
+def _sort_lines(lines: list[bytes], at: int, banner: Banner, tally: Tally) -> _Lines:
+    parser = LineParser(banner.columns)
+    counts = [i for i, name in enumerate(banner.columns) if name in ("p_adc", "flex_adc")]
+    clock = banner.columns.index("t_us")
+    found = _Lines([], [], [])
+    for number, line in enumerate(lines, start=1):
+        fields = parser.parse(line)
+        if fields is not None:
+            if any(int(fields[i]) > banner.adc_max for i in counts):
+                tally.add("adc range", number)
+            elif int(fields[clock]) >= WRAP:
+                tally.add("implausible time", number)
+            else:
+                found.rows.append(fields)
+                found.numbers.append(number)
+        elif is_banner(line):
+            if number == at + 1 or _same_banner(line, banner):
+                found.banners += 1
+                found.stretches.append(len(found.rows))
+            else:
+                tally.add("banner", number)
+        elif is_comment(line):
+            found.comments += 1
+        else:
+            tally.add(parser.reason(line), number)
+    return found
 
 
 def _same_banner(line: bytes, banner: Banner) -> bool:
@@ -138,109 +186,57 @@ def _same_banner(line: bytes, banner: Banner) -> bool:
         return False
 
 
-def _in_range(
-    rows: list[tuple[bytes, ...]],
-    numbers: list[int],
-    stretches: list[int],
-    banner: Banner,
-    tally: Tally,
-) -> tuple[list[tuple[bytes, ...]], list[int], list[int]]:
-    """Take out rows whose counts the board cannot have sent."""
-    counts = [i for i, name in enumerate(banner.columns) if name in ("p_adc", "flex_adc")]
-    clock = banner.columns.index("t_us")
-    limit = banner.adc_max
-    bad = {}
-    for index, row in enumerate(rows):
-        if any(int(row[i]) > limit for i in counts):
-            bad[index] = "adc range"
-        elif int(row[clock]) >= WRAP:
-            bad[index] = "implausible time"
-    if not bad:
-        return rows, numbers, stretches
-    for index, reason in bad.items():
-        tally.add(reason, numbers[index])
-    keep = [index for index in range(len(rows)) if index not in bad]
-    gone = np.array(sorted(bad))
-    moved = [begin - int(np.searchsorted(gone, begin)) for begin in stretches]
-    return [rows[i] for i in keep], [numbers[i] for i in keep], moved
+class _Timeline:
+    """Rows in the order of time: which are valid, when they were taken, and what was odd."""
 
+    def __init__(self, lines: _Lines, banner: Banner) -> None:
+        at_seq, at_clock = banner.columns.index("seq"), banner.columns.index("t_us")
+        self.seq = [int(row[at_seq]) for row in lines.rows]
+        self.t_us = [int(row[at_clock]) for row in lines.rows]
+        self.rows: list[int] = []
+        self.ticks_us: list[float] = []
+        self.segments: list[int] = []
+        self.implausible: list[int] = []
+        self.notes: list[str] = []
+        self.duplicates = self.gaps = self.missing = self.pauses = self.wraps = 0
+        self.resets = self.resets_without_banner = 0
+        self._pace = pace(self.seq, self.t_us, 1e6 / banner.rate_hz)
+        begin = 0
+        for following in [*lines.stretches[1:], None]:
+            if following is not None and self._runs_on(following):
+                number = lines.numbers[following]
+                self.notes.append(f"a banner before line {number}, but the clock ran on: no reset")
+                continue
+            self._add_stretch(begin, following, lines.rows)
+            if following is not None:
+                begin = following
+                self.resets += 1
 
-def _assemble(
-    rows: list[tuple[bytes, ...]],
-    numbers: list[int],
-    stretches: list[int],
-    banner: Banner,
-    tally: Tally,
-    report: FileReport,
-    path: Path | str,
-) -> SpaRigLog:
-    at_seq, at_clock = banner.columns.index("seq"), banner.columns.index("t_us")
-    seq = [int(row[at_seq]) for row in rows]
-    t_us = [int(row[at_clock]) for row in rows]
-    period = sampling_period(seq, t_us, 1e6 / banner.rate_hz)
-    taken: list[int] = []
-    times: list[float] = []
-    segments: list[int] = []
-    segment = -1
-    gaps = missing = pauses = wraps = resets = bannerless = duplicates = 0
-    notes: list[str] = []
-    for begin, end in zip(stretches, [*stretches[1:], len(rows)], strict=True):
+    def _runs_on(self, begin: int) -> bool:
+        """Say whether the row behind a banner goes on where the row before it stood."""
+        if not 0 < begin < len(self.seq):
+            return False
+        return self._pace.follows(
+            self.seq[begin - 1], self.t_us[begin - 1], self.seq[begin], self.t_us[begin]
+        )
+
+    def _add_stretch(self, begin: int, end: int | None, rows: list[tuple[bytes, ...]]) -> None:
         part = slice(begin, end)
-        followed = follow(seq[part], t_us[part], rows[part], period)
-        duplicates += len(followed.duplicates)
-        for index in followed.implausible:
-            tally.add("implausible time", numbers[begin + index])
-        resets += begin != stretches[0] or bool(taken)
+        followed = follow(self.seq[part], self.t_us[part], rows[part], self._pace)
+        self.duplicates += len(followed.duplicates)
+        self.implausible.extend(begin + index for index in followed.implausible)
         for place, run in enumerate(followed.runs):
             if place > 0:
-                resets += 1
-                bannerless += 1
-            segment += 1
-            start = times[-1] + 0.5 * period if times else 0.0
-            members = [begin + row for row in run.rows]
-            times.extend(start + tick for tick in run.ticks)
-            taken.extend(members)
-            segments.extend([segment] * len(members))
-            steps = np.diff([seq[i] for i in members]) - 1
-            gaps += int(np.count_nonzero(steps))
-            missing += int(steps.sum())
-            pauses += run.pauses
-            wraps += run.ticks[-1] // WRAP
-    report = FileReport(
-        report.file,
-        report.lines,
-        len(taken),
-        tally.damage(),
-        duplicates=duplicates,
-        comments=report.comments,
-        banners=report.banners,
-        gaps=gaps,
-        missing_samples=missing,
-        pauses=pauses,
-        wraps=wraps,
-        resets=resets,
-        resets_without_banner=bannerless,
-        notes=tuple(notes),
-    )
-    if not taken:
-        why = report.why()
-        raise BadInput(
-            path, f"holds no valid sample in {report.lines} lines" + (f": {why}" if why else "")
-        )
-    ticks = np.array(times)
-    columns = {
-        name: np.array([float(rows[i][place]) for i in taken])
-        for place, name in enumerate(banner.columns)
-        if name not in ("seq", "t_us")
-    }
-    after = np.array(segments)
-    return SpaRigLog(
-        banner=banner,
-        t_s=(ticks - ticks[0]) / 1e6,
-        columns=columns,
-        seq=np.array([seq[i] for i in taken], dtype=np.int64),
-        line=np.array([numbers[i] for i in taken], dtype=np.int64),
-        after_reset=after > 0,
-        segment=after,
-        report=report,
-    )
+                self.resets += 1
+                self.resets_without_banner += 1
+            start = self.ticks_us[-1] + 0.5 * self._pace.period_us if self.ticks_us else 0.0
+            segment = self.segments[-1] + 1 if self.segments else 0
+            members = [begin + index for index in run.rows]
+            self.rows.extend(members)
+            self.ticks_us.extend(start + tick for tick in run.ticks)
+            self.segments.extend([segment] * len(members))
+            steps = [self.seq[j] - self.seq[i] - 1 for i, j in pairwise(members)]
+            self.gaps += sum(step > 0 for step in steps)
+            self.missing += sum(steps)
+            self.pauses += run.pauses
+            self.wraps += run.ticks[-1] // WRAP

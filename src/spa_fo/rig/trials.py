@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,11 +26,14 @@ from spa_fo.rig.campaign import (
     TrialFile,
 )
 from spa_fo.rig.csv_log import read_csv_log
-from spa_fo.rig.parse_report import FileReport, ParseReport
+from spa_fo.rig.parse_report import FileReport, ParseReport, Tally
+from spa_fo.rig.protocol_check import contradiction
 from spa_fo.rig.spa_rig_log import SpaRigLog, read_spa_rig_log
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
+
+_LONGEST_DROPOUT = 5  # samples
 
 TABLE_COLUMNS = (
     "experiment",
@@ -105,8 +109,28 @@ class _Samples:
     flex_adc: Floats | None
     angle_deg: Floats | None
     after_reset: Bools
+    line: npt.NDArray[np.int64]
     rest: str
     report: FileReport
+
+    def without(self, bad: Bools, reason: str) -> _Samples:
+        """Leave out the samples where `bad`, counted as damaged by `reason`."""
+        if not bad.any():
+            return self
+        tally = Tally()
+        for line in self.line[bad].tolist():
+            tally.add(reason, line)
+        report = dataclasses.replace(
+            self.report,
+            valid=self.report.valid - int(np.count_nonzero(bad)),
+            damaged={**self.report.damaged, **tally.damage()},
+        )
+        arrays: dict[str, Any] = {
+            field.name: value[~bad]
+            for field in dataclasses.fields(self)
+            if isinstance(value := getattr(self, field.name), np.ndarray)
+        }
+        return dataclasses.replace(self, report=report, **arrays)
 
 
 def read_trials(campaign: Campaign) -> CampaignData:
@@ -132,7 +156,6 @@ def read_trials(campaign: Campaign) -> CampaignData:
         angle leaves the calibration by far.
     """
     reports: list[FileReport] = []
-    warnings: list[str] = []
     calibrations = []
     for item in campaign.calibration:
         calibration, report = _read_calibration(campaign, item)
@@ -141,11 +164,12 @@ def read_trials(campaign: Campaign) -> CampaignData:
     curve = calibrations[0] if calibrations else None
     trials = []
     for experiment, number, file in campaign.trial_files():
-        samples = _read_samples(campaign, file)
+        samples = _plausible(_read_samples(campaign, file), campaign)
+        _check_protocol(campaign, experiment, samples, file)
         trial, report = _to_trial(samples, experiment, number, file, curve)
         trials.append(trial)
         reports.append(report)
-    warnings.extend(_overlaps(trials))
+    warnings = [*campaign.warnings, *_overlaps(trials)]
     return CampaignData(
         campaign,
         tuple(trials),
@@ -229,6 +253,7 @@ def _read_samples(campaign: Campaign, file: TrialFile) -> _Samples:
         columns.get("flex_adc"),
         columns.get("angle_deg"),
         log.after_reset,
+        log.line,
         "keep",
         log.report,
     )
@@ -240,15 +265,60 @@ def _csv_samples(campaign: Campaign, file: TrialFile) -> _Samples:
     roles = [role for role in ("command", "pressure", output) if role in columns]
     table = read_csv_log(file.path, campaign.log, roles, file.file)
     return _Samples(
-        table.t_s - table.t_s[0],
+        table.t_s,
         table.columns.get("command"),
         table.columns.get("pressure"),
         table.columns.get("flex_adc"),
         table.columns.get("angle"),
         np.zeros(table.t_s.shape, dtype=np.bool_),
+        table.line,
         columns[output].rest,
         table.report,
     )
+
+
+def _plausible(samples: _Samples, campaign: Campaign) -> _Samples:
+    """Leave out what neither the pump nor the converter can have meant."""
+    sensor = campaign.pressure_sensor
+    if sensor is not None and samples.command_kpa is not None:
+        low, high = sensor.kpa
+        centre, reach = 0.5 * (low + high), 1.5 * (high - low)
+        beyond = np.abs(samples.command_kpa - centre) > reach
+        samples = samples.without(beyond, "command range")
+    if samples.flex_adc is not None:
+        samples = samples.without(_dropouts(samples.flex_adc), "adc dropout")
+    if samples.t_s.size < 2:
+        raise BadInput(campaign.folder / samples.report.file, "holds fewer than 2 valid samples")
+    return samples
+
+
+def _dropouts(counts: Floats) -> Bools:
+    """Find readings of 0 that are a broken contact: a few samples between readings far from 0."""
+    zero = counts == 0.0
+    found = np.zeros(counts.shape, dtype=np.bool_)
+    if not zero.any() or zero.all():
+        return found
+    far = 0.5 * float(np.median(counts[~zero]))
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], zero, [False])).astype(int)))
+    for begin, end in edges.reshape(-1, 2):
+        inside = begin > 0 and end < counts.size
+        if inside and end - begin <= _LONGEST_DROPOUT and min(counts[[begin - 1, end]]) > far:
+            found[begin:end] = True
+    return found
+
+
+def _check_protocol(
+    campaign: Campaign, experiment: Experiment, samples: _Samples, file: TrialFile
+) -> None:
+    if samples.command_kpa is None:
+        return
+    lie = contradiction(experiment.protocol, samples.t_s, samples.command_kpa)
+    if lie is not None:
+        raise BadInput(
+            file.path,
+            f"{campaign.yaml.name} says that experiment '{experiment.name}' is a "
+            f"{experiment.protocol}, but {lie}",
+        )
 
 
 def _to_trial(
@@ -284,7 +354,7 @@ def _to_trial(
         setpoint_deg=experiment.setpoint_deg,
         order=file.order,
         started_s=file.started_s,
-        t_s=samples.t_s,
+        t_s=samples.t_s - samples.t_s[0],
         command_kpa=samples.command_kpa,
         pressure_kpa=samples.pressure_kpa,
         flex_adc=flex,

@@ -1,0 +1,52 @@
+"""Whether a trial's command does what campaign.yaml says it does."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+_MOVING = 0.005  # of the command's range, from one sample to the next
+_CHANGE = 0.05  # of the range: the smallest change that counts
+_PLATEAU_S = 0.25  # changes nearer to each other than this are one
+
+
+def command_changes(t_s: Floats, command_kpa: Floats) -> Floats:
+    """Return the sudden changes of a command (kPa, signed, in order), ramps of a blink merged.
+
+    A command that is constant but not zero rose before its first sample: that is one change.
+    Noise, and ramps slower than 0.5 % of the range a sample, are no changes.
+    """
+    span = float(np.ptp(command_kpa))
+    if span == 0.0:
+        return np.array([level for level in command_kpa[:1] if level != 0.0], dtype=np.float64)
+    moving = np.flatnonzero(np.abs(np.diff(command_kpa)) > _MOVING * span)
+    if moving.size == 0:
+        return np.empty(0)
+    steps = np.diff(command_kpa)[moving]
+    apart = np.diff(t_s[moving + 1]) > _PLATEAU_S
+    turned = np.sign(steps[1:]) != np.sign(steps[:-1])
+    groups = np.split(steps, np.flatnonzero(apart | turned) + 1)
+    sizes = (float(group.sum()) for group in groups)
+    return np.array([size for size in sizes if abs(size) > _CHANGE * span], dtype=np.float64)
+
+
+def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None:
+    """Say how a command contradicts its protocol, or return None.
+
+    ``step`` and ``step_release`` must rise exactly once and suddenly (a log may end before the
+    release); ``staircase`` must change at least twice; every protocol but ``free`` must command
+    something.
+    """
+    if protocol == "free":
+        return None
+    if not np.any(command_kpa != 0.0):
+        return "its command is 0 throughout"
+    changes = command_changes(t_s, command_kpa)
+    rises = int(np.count_nonzero(changes > 0.0))
+    if protocol in ("step", "step_release") and rises != 1:
+        return f"its command rises {rises} times; expected one step"
+    if protocol == "staircase" and changes.size < 2:
+        return f"its command changes {changes.size} times; expected several steps"
+    return None
