@@ -23,8 +23,9 @@ def check_samples(t: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
         )
     if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
         raise ValueError("t and u must be finite")
-    if np.any(np.diff(times) < 0.0):
-        first = int(np.flatnonzero(np.diff(times) < 0.0)[0]) + 1
+    backward = np.diff(times) < 0.0
+    if np.any(backward):
+        first = int(np.flatnonzero(backward)[0]) + 1
         raise ValueError(f"times must not decrease, but t[{first}] < t[{first - 1}]")
     return times, values
 
@@ -75,6 +76,8 @@ def input_intervals(t: ArrayLike, u: ArrayLike, hold: str) -> tuple[Array, Array
 def _carry_jumps(dt: Array, jump: Array) -> Array:
     """Move the jumps of empty intervals to the next interval that is not empty."""
     if dt.size == 0:
+        return jump
+    if np.all(dt[np.flatnonzero(jump)] > 0.0):
         return jump
     total = np.cumsum(jump)
     used = np.flatnonzero(dt > 0.0)

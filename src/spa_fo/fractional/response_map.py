@@ -36,6 +36,8 @@ _INPUT_SPACING = 0.22
 _RATES_PER_DECADE = 24
 _BLOCK = 4096
 
+_RECIPROCALS = tuple(1.0 / (k + 1.0) for k in range(15))  # of k + 1
+
 _CIRCLE = 16
 _ON_CIRCLE = np.exp(2j * np.pi * (np.arange(_CIRCLE) + 0.5) / _CIRCLE)
 
@@ -190,7 +192,9 @@ def _fold(
         _mode_responses(rates, dt[block], jump[block], ramp[block], state, targets)
         halves = expand @ (project @ targets.T)
         weights[:, block] = (halves[:count] + 1j * halves[count:]) * nodes[:, np.newaxis]
-    rounding = 8.0 * np.finfo(float).eps * longest
+    # Until the first interval that is not empty the states are 0 whatever the length.
+    used = dt[np.flatnonzero(dt)[0] :]
+    equal = np.ptp(used) < 8.0 * np.finfo(float).eps * longest
     return ResponseMap(
         MapArrays(
             log_modulus=np.log(np.abs(nodes)),
@@ -202,7 +206,7 @@ def _fold(
             dt=dt,
             jump=jump,
             ramp=ramp,
-            uniform=float(np.mean(dt)) if np.ptp(dt) < rounding else 0.0,
+            uniform=float(np.mean(used)) if equal else 0.0,
             has_ramp=bool(np.any(ramp != 0.0)),
         )
     )
@@ -232,30 +236,24 @@ def _mode_responses(
 @njit
 def phi1(z: complex, exp_z: complex) -> complex:
     """(e^z − 1)/z."""
-    if abs(z.real) + abs(z.imag) > 0.5:
+    if z.real * z.real + z.imag * z.imag > 0.01:
         return over(exp_z - 1.0, z)
     total = 1.0 + 0j
-    for k in range(14, 0, -1):
-        total = 1.0 + total * z / (k + 1.0)
+    for k in range(9, 0, -1):
+        total = 1.0 + total * z * _RECIPROCALS[k]
     return total
 
 
 @njit
 def phi1_derivative(z: complex, exp_z: complex) -> complex:
     """Differentiate (e^z − 1)/z."""
-    if abs(z.real) + abs(z.imag) > 0.5:
+    if z.real * z.real + z.imag * z.imag > 0.1:
         return over(exp_z - over(exp_z - 1.0, z), z)
-    total = 0j
-    factorial = 1.0
-    terms = 0.5 + 0j
-    power = 1.0 + 0j
-    total = terms
-    for k in range(1, 15):
-        # the coefficient of z^k is (k + 1)/(k + 2)!
-        power = power * z
-        factorial = factorial * (k + 1.0)
-        total += power * ((k + 1.0) / (factorial * (k + 2.0)))
-    return total
+    # sum (k + 1)/(k + 2)! z^k
+    total = 13.0 + 0j
+    for k in range(11, -1, -1):
+        total = (k + 1.0) + total * z * _RECIPROCALS[k + 2]
+    return 0.5 * total
 
 
 @njit

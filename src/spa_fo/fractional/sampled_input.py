@@ -20,8 +20,10 @@ from spa_fo.fractional._elementary import fast_exp, fast_sincos
 from spa_fo.fractional.characteristic import cexp, check_parameters, find_pole, over
 from spa_fo.fractional.intervals import Hold, input_intervals
 from spa_fo.fractional.response_map import phi1
+from spa_fo.fractional.step import inverse_kernel
 
-_LOG_TOLERANCE = 29.0
+# Error exp(-25) = 1.4e-11 of the contour integral.
+_LOG_TOLERANCE = 25.0
 _CIRCLE = 16
 
 
@@ -119,88 +121,135 @@ def _simulate(
 
     decay = np.empty((2, count))
     gain = np.empty((2, count))
-    state = np.zeros((2, count))
+    state = np.zeros((3, count))
     pole_state = 0j
-    pole_decay = 0j
-    pole_mean = 0j
-    newest = 0.0
-    length = -1.0
-    for j in range(dt.size):
-        if dt[j] == 0.0:
-            out[j] = out[j - 1] if j > 0 else 0.0
-            continue
-        if abs(dt[j] - length) > tolerance:
-            length = dt[j]
-            _advance(length, node, value, decay, gain)
-            newest = 0.0
-            for k in range(count):
-                s = complex(node[0, k], node[1, k]) * length
-                v = complex(value[0, k], value[1, k]) * complex(decay[0, k], decay[1, k])
-                newest += over(v, s).real
+    starts = _runs(dt, tolerance)
+    ramps = np.empty(starts.size - 1)
+    inverse_kernel(dt[starts[:-1]], -2.0, alpha2, alpha1, a1, a0, ramps)
+    for run in range(starts.size - 1):
+        start, stop = starts[run], starts[run + 1]
+        length = dt[start]
+        if length > 0.0:
+            _prepare(length, node[0], node[1], value[0], value[1], decay, gain)
+            # The pole's part of the newest ramp is in its own state below.
             pole_decay = cexp(p * length)
             pole_mean = phi1(p * length, pole_decay)
-        total = _step_states(jump[j], ramp[j], value, decay, gain, state)
-        pole_state = pole_decay * (pole_state + jump[j]) + ramp[j] * pole_mean
-        out[j] = total + ramp[j] * newest + 2.0 * (residue * pole_state).real
+            newest = ramps[run] / length - 2.0 * (residue * pole_mean).real
+            _advance(
+                jump[start:stop],
+                ramp[start:stop],
+                newest,
+                value,
+                decay,
+                gain,
+                state,
+                out[start:stop],
+            )
+            for j in range(start, stop):
+                pole_state = pole_decay * (pole_state + jump[j]) + ramp[j] * pole_mean
+                out[j] += 2.0 * (residue.real * pole_state.real - residue.imag * pole_state.imag)
+        else:
+            for j in range(start, stop):
+                out[j] = out[j - 1] if j > 0 else 0.0
+
+
+@njit
+def _runs(dt: np.ndarray, tolerance: float) -> np.ndarray:
+    """First index of every run of equal intervals, and the end of the last."""
+    starts = np.empty(dt.size + 1, np.int64)
+    count = 0
+    for j in range(dt.size):
+        if j == 0 or abs(dt[j] - dt[starts[count - 1]]) > tolerance:
+            starts[count] = j
+            count += 1
+    starts[count] = dt.size
+    return starts[: count + 1]
+
+
+@njit
+def _prepare(
+    length: float,
+    node_real: np.ndarray,
+    node_imag: np.ndarray,
+    value_real: np.ndarray,
+    value_imag: np.ndarray,
+    decay: np.ndarray,
+    gain: np.ndarray,
+) -> None:
+    """Factors that carry the states through an interval: e^z and V (e^z − 1)/z with z = s dt."""
+    decay_real, decay_imag = decay[0], decay[1]
+    gain_real, gain_imag = gain[0], gain[1]
+    # Two loops: one that held all of this would not vectorise.
+    for k in range(node_real.size):
+        modulus = fast_exp(node_real[k] * length)
+        sine, cosine = fast_sincos(node_imag[k] * length)
+        decay_real[k] = modulus * cosine
+        decay_imag[k] = modulus * sine
+    for k in range(node_real.size):
+        x = node_real[k] * length
+        y = node_imag[k] * length
+        e_real = decay_real[k] - 1.0
+        e_imag = decay_imag[k]
+        square = x * x + y * y
+        scale = 1.0 / square
+        m_real = (e_real * x + e_imag * y) * scale
+        m_imag = (e_imag * x - e_real * y) * scale
+        # Series 1 + z/2 (1 + z/3 (...)), where the difference would cancel.
+        t_real = 1.0
+        t_imag = 0.0
+        for factor in (1 / 10, 1 / 9, 1 / 8, 1 / 7, 1 / 6, 1 / 5, 1 / 4, 1 / 3, 1 / 2):
+            r = 1.0 + (t_real * x - t_imag * y) * factor
+            t_imag = (t_real * y + t_imag * x) * factor
+            t_real = r
+        m_real = t_real if square < 0.01 else m_real
+        m_imag = t_imag if square < 0.01 else m_imag
+        gain_real[k] = value_real[k] * m_real - value_imag[k] * m_imag
+        gain_imag[k] = value_real[k] * m_imag + value_imag[k] * m_real
 
 
 @njit
 def _advance(
-    length: float, node: np.ndarray, value: np.ndarray, decay: np.ndarray, gain: np.ndarray
-) -> None:
-    """Factors that carry the states through an interval: e^z and V (e^z − 1)/z with z = s dt."""
-    for k in range(node.shape[1]):
-        x = node[0, k] * length
-        y = node[1, k] * length
-        modulus = fast_exp(x)
-        sine, cosine = fast_sincos(y)
-        e_real = modulus * cosine
-        e_imag = modulus * sine
-        decay[0, k] = e_real
-        decay[1, k] = e_imag
-        square = x * x + y * y
-        m_real = ((e_real - 1.0) * x + e_imag * y) / square
-        m_imag = (e_imag * x - (e_real - 1.0) * y) / square
-        # Series 1 + z/2 (1 + z/3 (...)), where the difference would cancel.
-        t_real = 1.0
-        t_imag = 0.0
-        for i in range(9):
-            factor = 1.0 / (10.0 - i)
-            t_real, t_imag = (
-                1.0 + (t_real * x - t_imag * y) * factor,
-                (t_real * y + t_imag * x) * factor,
-            )
-        small = square < 0.01
-        m_real = t_real if small else m_real
-        m_imag = t_imag if small else m_imag
-        gain[0, k] = value[0, k] * m_real - value[1, k] * m_imag
-        gain[1, k] = value[0, k] * m_imag + value[1, k] * m_real
-
-
-@njit
-def _step_states(
-    jump: float,
-    ramp: float,
+    jump: np.ndarray,
+    ramp: np.ndarray,
+    newest: float,
     value: np.ndarray,
     decay: np.ndarray,
     gain: np.ndarray,
     state: np.ndarray,
-) -> float:
-    """Advance all states through one interval; return the sum without the newest ramp."""
-    lanes = np.zeros(8)
-    for start in range(0, state.shape[1], 8):
-        for lane in range(8):
-            k = start + lane
-            real = state[0, k] + jump * value[0, k]
-            imag = state[1, k] + jump * value[1, k]
-            new_real = decay[0, k] * real - decay[1, k] * imag
-            lanes[lane] += new_real
-            state[0, k] = new_real + ramp * gain[0, k]
-            state[1, k] = decay[0, k] * imag + decay[1, k] * real + ramp * gain[1, k]
-    total: float = ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + (
-        (lanes[2] + lanes[6]) + (lanes[3] + lanes[7])
-    )
-    return total
+    out: np.ndarray,
+) -> None:
+    """Advance all states through intervals of one length.
+
+    The sum over the nodes is written out in eight strands, so that it vectorises in a fixed
+    order; together with the loop over nodes that makes 25 ns a sample.
+    """
+    decay_real, decay_imag = decay[0], decay[1]
+    gain_real, gain_imag = gain[0], gain[1]
+    state_real, state_imag, part = state[0], state[1], state[2]
+    count = part.size
+    for j in range(ramp.size):
+        if jump[j] != 0.0:
+            for k in range(count):
+                state_real[k] += jump[j] * value[0, k]
+                state_imag[k] += jump[j] * value[1, k]
+        rise = ramp[j]
+        for k in range(count):
+            real = decay_real[k] * state_real[k] - decay_imag[k] * state_imag[k]
+            imag = decay_real[k] * state_imag[k] + decay_imag[k] * state_real[k]
+            part[k] = real
+            state_real[k] = real + rise * gain_real[k]
+            state_imag[k] = imag + rise * gain_imag[k]
+        s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(0, count, 8):
+            s0 += part[k]
+            s1 += part[k + 1]
+            s2 += part[k + 2]
+            s3 += part[k + 3]
+            s4 += part[k + 4]
+            s5 += part[k + 5]
+            s6 += part[k + 6]
+            s7 += part[k + 7]
+        out[j] = ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7)) + rise * newest
 
 
 def simulate(

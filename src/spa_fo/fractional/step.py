@@ -38,7 +38,7 @@ def _transform(s: complex, alpha2: float, alpha1: float, a1: float, a0: float) -
 
 
 @njit
-def _inverse_points(
+def inverse_kernel(
     t: np.ndarray,
     power: float,
     alpha2: float,
@@ -281,7 +281,7 @@ def inverse_points(
     parameters = check_parameters(alpha2, alpha1, a1, a0, b0)
     times = check_times(t)
     out = np.empty(times.size)
-    _inverse_points(np.ascontiguousarray(times).ravel(), power, *parameters[:4], out)
+    inverse_kernel(np.ascontiguousarray(times).ravel(), power, *parameters[:4], out)
     return parameters[4] * out.reshape(times.shape)
 
 
