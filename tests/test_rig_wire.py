@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import naive_rig
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import naive_rig
 from spa_fo.rig.wire import (
     Banner,
     LineParser,
@@ -123,7 +123,7 @@ def test_the_banner_round_trip() -> None:
     ],
 )
 def test_wrong_banners_say_what_was_expected(line: bytes, message: str) -> None:
-    with pytest.raises(ValueError, match="expected|unknown|lacks|twice") as caught:
+    with pytest.raises(ValueError, match=r"expected|unknown|lacks|twice") as caught:
         parse_banner(line)
     assert message in str(caught.value)
     assert str(caught.value).isprintable()

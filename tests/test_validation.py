@@ -51,7 +51,8 @@ def test_a_valid_document_passes() -> None:
         ),
         (
             {"name": "a", "swarm": {"zzz": 3}},
-            "config.yaml: swarm.zzz: unknown key; expected one of: bounds, inertia, mode, particles",
+            "config.yaml: swarm.zzz: unknown key; expected one of: bounds, inertia, mode, "
+            "particles",
         ),
         ({"nmae": "a", "swarm": {}}, "config.yaml: nmae: unknown key; did you mean 'name'?"),
         ({"name": "a"}, "config.yaml: swarm: is missing"),

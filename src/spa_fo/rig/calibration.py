@@ -18,7 +18,9 @@ Floats = npt.NDArray[np.float64]
 
 _SETTLED = 0.5  # the part of a dwell, from its end, that counts as settled
 _FEWEST_SAMPLES = 8  # of a dwell
+_LONGEST_PAUSE_S = 1.0  # within a dwell
 _QUANTISATION = 1.0 / np.sqrt(12.0)  # counts: an undithered converter's error
+_WORST_FOLD = 0.2  # of the counts' range: knots farther off a monotone curve are no noise
 _END_SLOPE_ERROR = 0.2  # assumed relative error of the slope beyond the ends, 1 sigma
 
 
@@ -228,16 +230,22 @@ def calibrate(
         raise BadInput(path, f"its counts hardly change ({np.ptp(means):.2g}) over all angles")
     fit = isotonic_regression(means, weights=1.0 / variance, increasing=rising)
     moved = np.abs(fit.x - means)
+    if moved.max() > _WORST_FOLD * np.ptp(means):
+        raise BadInput(
+            path,
+            f"its counts neither rise nor fall with the angle (off by {moved.max():.0f} counts at "
+            f"{angles[np.argmax(moved)]:g} deg); expected a monotone sensor",
+        )
     if np.any(moved > 0):
         notes.append(
             f"knots not monotone: {np.count_nonzero(moved)} moved by up to {moved.max():.2g} counts"
         )
-    counts, knot_angles, knot_variance = _pool(fit.x, angles, variance + moved**2)
+    counts, knot_angles, knot_variance, spread = _pool(fit.x, angles, variance + moved**2)
     if counts.size < 3:
-        raise BadInput(path, "its counts do not rise or fall with the angle at 3 places or more")
+        raise BadInput(path, f"its counts differ at {counts.size} angles only; expected 3 or more")
     bare = Calibration(file, started_s, counts, knot_angles, np.zeros_like(counts), {}, dwells)
     hysteresis = _hysteresis(bare, dwells)
-    sigma = _sigma(bare, knot_variance, hysteresis)
+    sigma = np.hypot(_sigma(bare, knot_variance, hysteresis), spread)
     if not hysteresis:
         notes.append("no angle was visited both ways: hysteresis not known")
     return Calibration(
@@ -257,7 +265,7 @@ def find_dwells(
     notes : list of str
         What was left out.
     """
-    cuts = np.flatnonzero(np.diff(angle_deg)) + 1
+    cuts = np.flatnonzero((np.diff(angle_deg) != 0.0) | (np.diff(t_s) > _LONGEST_PAUSE_S)) + 1
     stretches = np.split(np.arange(len(t_s)), cuts)
     long = [stretch for stretch in stretches if len(stretch) >= _FEWEST_SAMPLES]
     notes = []
@@ -341,15 +349,15 @@ def _variance(dwells: Sequence[Dwell], angle: float) -> float:
     return float(np.sum(errors**2)) / errors.size**2
 
 
-def _pool(counts: Floats, angles: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
-    """Merge knots of equal counts into one, counts rising."""
+def _pool(
+    counts: Floats, angles: Floats, variance: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Merge knots of equal counts into one: counts (rising), angles, variance, angles' spread."""
     values, group = np.unique(counts, return_inverse=True)
     sizes = np.bincount(group)
-    return (
-        values,
-        np.bincount(group, weights=angles) / sizes,
-        np.bincount(group, weights=variance) / sizes,
-    )
+    mean = np.bincount(group, weights=angles) / sizes
+    spread = np.sqrt(np.bincount(group, weights=(angles - mean[group]) ** 2) / sizes)
+    return values, mean, np.bincount(group, weights=variance) / sizes, spread
 
 
 def _hysteresis(curve: Calibration, dwells: Sequence[Dwell]) -> dict[float, float]:

@@ -6,7 +6,7 @@ import math
 import re
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +34,7 @@ UNITS = {
     "rad": 180.0 / math.pi,
     "1": 1.0,
 }
+_FAR = 2.0  # times the length of the log
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3}){2,}")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
@@ -93,7 +94,7 @@ def read_csv_log(
     roles = tuple(columns) if roles is None else tuple(dict.fromkeys(("time", *roles)))
     needed = {role: columns[role] for role in roles}
     rows = [(number, _split(line, log.delimiter)) for number, line in enumerate(lines, start=1)]
-    header, rows = _take_header(rows, log, path)
+    header, rows = _take_header(rows, log, needed.values(), path)
     data = [(number, row) for number, row in rows if row is not None and row[0][:1] != "#"]
     places = _locate(needed, header, data, path)
     tally = Tally()
@@ -165,13 +166,20 @@ def _split(line: str, delimiter: str) -> list[str] | None:
 
 
 def _take_header(
-    rows: list[tuple[int, list[str] | None]], log: LogFormat, path: Path
+    rows: list[tuple[int, list[str] | None]],
+    log: LogFormat,
+    needed: Iterable[Column],
+    path: Path,
 ) -> tuple[list[str] | None, list[tuple[int, list[str] | None]]]:
     if not log.header:
         return None, rows
+    wanted = {item.column for item in needed if isinstance(item.column, str)}
     for index, (_, row) in enumerate(rows):
-        if row is not None and row[0][:1] != "#":
-            return row, rows[:index] + rows[index + 1 :]
+        if row is None:
+            continue
+        bare = [row[0].lstrip("# "), *row[1:]]
+        if row[0][:1] != "#" or (wanted and wanted <= set(bare)):  # some writers mark it by a hash
+            return bare, rows[:index] + rows[index + 1 :]
     raise BadInput(path, "holds no line; expected a header and rows")
 
 
@@ -281,10 +289,26 @@ def _refuse_thousands(
 def _in_order(
     time: Floats, raw: Floats, numbers: Sequence[int], tally: Tally
 ) -> tuple[npt.NDArray[np.int64], int]:
-    """Keep the longest strictly increasing sequence of times; count the rest by reason."""
+    """Keep the longest strictly increasing sequence of times; count the rest by reason.
+
+    A first or last row farther from the others than these last is out of order as well.
+    """
     keep = np.arange(len(time))
-    if np.all(np.diff(time) > 0):
-        return keep, 0
+    if not np.all(np.diff(time) > 0):
+        keep, duplicates = _increasing(time, raw, numbers, tally)
+    else:
+        duplicates = 0
+    for end, inner in ((-1, slice(0, -1)), (0, slice(1, None))):
+        rest = time[keep[inner]]
+        if rest.size >= 10 and abs(time[keep[end]] - rest[end]) > _FAR * np.ptp(rest):
+            tally.add("implausible time", numbers[keep[end]])
+            keep = keep[inner]
+    return keep, duplicates
+
+
+def _increasing(
+    time: Floats, raw: Floats, numbers: Sequence[int], tally: Tally
+) -> tuple[npt.NDArray[np.int64], int]:
     keep = np.array(_longest_increasing(time.tolist()), dtype=np.int64)
     kept = {float(time[i]): i for i in keep}
     duplicates = 0
