@@ -21,11 +21,13 @@ from spa_fo.fractional.characteristic import cexp
 from spa_fo.fractional.step import HYPERBOLA_MU, HYPERBOLA_PHI, NODES, WEIGHTS
 
 _HALF_PLANE = 2j * math.pi
-# In the plane of sqrt(s) contours are vertical lines; keep this many steps between a contour and
-# a branch point: exp(-2 pi 5.25) = 5e-15.
+# In the plane of sqrt(s) contours are vertical lines. Between a contour and a branch point of
+# some strength lie this many steps: exp(-2 pi 5.25) = 5e-15, and more for the integrand's rise.
 _CLEARANCE = 5.25
-_FINE = 0.15
-_COARSE = 0.35
+_CLEARANCE_STRENGTH = 0.6
+# Distance in that plane below which p is enclosed rather than given a contour of its own
+_GAP = 0.79
+_COARSE = 0.3
 _NEGLIGIBLE = -33.0
 _TILT = math.pi / 6.0
 
@@ -62,28 +64,50 @@ def _on_hyperbola(z: float, shift: float, alpha: float, beta: float, gamma: floa
 
 
 @njit
-def _around_origin(
-    z: float, m: float, step: float, alpha: float, beta: float, gamma: float, outside: bool
+def _on_parabola(
+    z: float,
+    shift: float,
+    m: float,
+    step: float,
+    alpha: float,
+    beta: float,
+    gamma: float,
+    outside: bool,
 ) -> float:
-    """Parabola s = (m + iy)² around the negative axis."""
+    """Σ without the factor e^shift, on s = shift + (m + iy)²."""
     count = math.ceil(math.sqrt(m * m + 37.0) / step)
     total = 0.0
     for k in range(count):
         v = complex(m, (k + 0.5) * step)
         s = v * v
-        total += (v * cexp(s) * _integrand(s, z, alpha, beta, gamma, outside)).real
+        total += (v * cexp(s) * _integrand(shift + s, z, alpha, beta, gamma, outside)).real
     return total * 2.0 * step / math.pi
 
 
 @njit
-def _around_pole(z: float, p: complex, alpha: float, beta: float, gamma: float) -> float:
+def _around_axis(z: float, shift: float, alpha: float, beta: float, gamma: float) -> float:
+    """Σ where every branch point lies on or next to (−∞, shift].
+
+    The hyperbola needs half the nodes; but it starts 6 to the right of `shift`, where
+    e^s s^(−β) is so large for β < 0 that digits are lost.
+    """
+    if beta >= 0.0:
+        return _on_hyperbola(z, shift, alpha, beta, gamma)
+    step = _GAP / (_CLEARANCE + _CLEARANCE_STRENGTH * gamma)
+    return _on_parabola(z, shift, _GAP, step, alpha, beta, gamma, True)
+
+
+@njit
+def _around_pole(
+    z: float, p: complex, clearance: float, alpha: float, beta: float, gamma: float
+) -> float:
     """Parabolas around p and its conjugate, their cuts tilted away from the negative axis."""
     tilt = min(_TILT, math.pi - math.pi / alpha)
     rotation = complex(math.cos(tilt), -math.sin(tilt))
     # Re sqrt of the distance to the negative axis, in the tilted frame
     distance = math.sqrt(p.imag * math.sin(tilt))
-    step = min(0.5 * distance / _CLEARANCE, _COARSE)
-    m = _CLEARANCE * step
+    step = min(0.5 * distance / clearance, _COARSE)
+    m = clearance * step
     count = math.ceil((math.sqrt(43.0 + 1.4 * m * m) + 0.6 * m) / step)
     total = 0.0
     for k in range(-count, count):
@@ -100,22 +124,25 @@ def _prabhakar(z: float, alpha: float, beta: float, gamma: float) -> float:
         shift = math.exp(math.log(z) / alpha)
         # Two factors, so that the product overflows only where the result does.
         half = math.exp(0.5 * shift)
-        return half * (half * _on_hyperbola(z, shift, alpha, beta, gamma))
+        return half * (half * _around_axis(z, shift, alpha, beta, gamma))
     if z == 0.0 or alpha <= 1.0:
-        return _on_hyperbola(z, 0.0, alpha, beta, gamma)
+        return _around_axis(z, 0.0, alpha, beta, gamma)
     p = cexp(complex(math.log(-z) / alpha, math.pi / alpha))
-    # Where p lies between the hyperbola and the cut, in the strip where the hyperbola is a line
+    # Place of p between the hyperbola (at its φ) and the cut (at π/2), in the strip that
+    # asin(s/μ − 1) maps the region between them to
     scaled = p * (1.0 / HYPERBOLA_MU)
     sine = 0.5 * (abs(scaled - 2.0) - abs(scaled))
-    if math.asin(max(-1.0, min(1.0, sine))) > HYPERBOLA_PHI + 0.3:
+    if beta >= 0.0 and math.asin(max(-1.0, min(1.0, sine))) > HYPERBOLA_PHI + 0.3:
         return _on_hyperbola(z, 0.0, alpha, beta, gamma)
+    strength = max(gamma, 2.0 * (beta - alpha * gamma))
+    clearance = _CLEARANCE + _CLEARANCE_STRENGTH * strength
     root = math.sqrt(0.5 * (abs(p) + p.real))
-    if root < 2.0 * _CLEARANCE * _FINE:
-        return _around_origin(z, root + _CLEARANCE * _FINE, _FINE, alpha, beta, gamma, True)
-    step = min(0.5 * root / _CLEARANCE, _COARSE)
-    total = _around_origin(z, _CLEARANCE * step, step, alpha, beta, gamma, False)
+    if root < 2.0 * _GAP:
+        return _on_parabola(z, 0.0, root + _GAP, _GAP / clearance, alpha, beta, gamma, True)
+    step = min(0.5 * root / clearance, _COARSE)
+    total = _on_parabola(z, 0.0, clearance * step, step, alpha, beta, gamma, False)
     if p.real > _NEGLIGIBLE:
-        total += _around_pole(z, p, alpha, beta, gamma)
+        total += _around_pole(z, p, clearance, alpha, beta, gamma)
     return total
 
 
@@ -139,16 +166,16 @@ def mittag_leffler(
     alpha : float
         0 < alpha < 2.
     beta : float
-        Any real number; accuracy is stated for -5 <= beta <= 10.
+        -3 <= beta <= 10.
     gamma : float
-        Positive; accuracy is stated for gamma <= 5. With 1 it is the two-parameter function.
+        0 < gamma <= 5; with 1 it is the two-parameter function.
 
     Returns
     -------
     ndarray
-        Same shape as z. For z <= 0 the absolute error is below 5e-11, mostly 1e-13; for z > 0
-        the relative error is of the order 1e-12 (it grows with z^(1/alpha), as the condition of
-        the function does). Infinite where the result overflows.
+        Same shape as z; infinite where the result overflows. For z <= 0 the error is below
+        5e-11 max(1, |E|), mostly 1e-14. For z > 0 it is relative, of the order 1e-13 times
+        1 + z^(1/alpha) (the condition of the function), as long as E is not much smaller than 1.
 
     Raises
     ------
@@ -159,10 +186,10 @@ def mittag_leffler(
     values = np.asarray(z, dtype=np.float64)
     if not 0.0 < alpha < 2.0:
         raise ValueError(f"alpha must lie in (0, 2), got {alpha}")
-    if not (math.isfinite(gamma) and gamma > 0.0):
-        raise ValueError(f"gamma must be positive, got {gamma}")
-    if not math.isfinite(beta):
-        raise ValueError(f"beta must be finite, got {beta}")
+    if not -3.0 <= beta <= 10.0:
+        raise ValueError(f"beta must lie in [-3, 10], got {beta}")
+    if not 0.0 < gamma <= 5.0:
+        raise ValueError(f"gamma must lie in (0, 5], got {gamma}")
     if not np.all(np.isfinite(values)):
         raise ValueError("z must be finite")
     out = np.empty(values.size)

@@ -21,7 +21,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from spa_fo._jit import njit
 from spa_fo.fractional._elementary import fast_exp, fast_sincos
-from spa_fo.fractional.characteristic import cexp, check_parameters, find_pole, over
+from spa_fo.fractional.characteristic import (
+    CIRCLE,
+    ON_CIRCLE,
+    cexp,
+    check_parameters,
+    circle_radius,
+    find_pole,
+    over,
+    transform_on_circle,
+)
 from spa_fo.fractional.intervals import Array, input_intervals, step_intervals
 from spa_fo.fractional.step import pole_derivatives, step_gradient, subtract_pole
 
@@ -37,9 +46,6 @@ _RATES_PER_DECADE = 24
 _BLOCK = 4096
 
 _RECIPROCALS = tuple(1.0 / (k + 1.0) for k in range(15))  # of k + 1
-
-_CIRCLE = 16
-_ON_CIRCLE = np.exp(2j * np.pi * (np.arange(_CIRCLE) + 0.5) / _CIRCLE)
 
 
 class MapArrays(NamedTuple):
@@ -292,8 +298,9 @@ def response_on_map(x: np.ndarray, arrays: MapArrays, work: np.ndarray, out: np.
     if log_pole.imag > 0.0:
         p = cexp(log_pole)
         derivative = alpha2 * cexp(alpha2 * log_pole) + alpha1 * a1 * cexp(alpha1 * log_pole)
-        residue = b0 * over(1.0 + 0j, derivative)
-        near = (0.1 * (p.imag if p.real < 0.0 else abs(p))) ** 2
+        unit = over(1.0 + 0j, derivative)
+        residue = b0 * unit
+        near = (0.5 * circle_radius(p)) ** 2
         slope = 2.0 * residue.real
         constant = -2.0 * (residue.real * p.real + residue.imag * p.imag)
         square = p.real * p.real + p.imag * p.imag
@@ -310,7 +317,7 @@ def response_on_map(x: np.ndarray, arrays: MapArrays, work: np.ndarray, out: np.
             gap = (real[k] - p.real) ** 2 + (imag[k] - p.imag) ** 2
             collisions += 1 if gap < near else 0
         if collisions > 0:
-            _smooth_values(x, arrays, p, residue, near, value_real, value_imag)
+            _smooth_values(x, arrays, p, unit, near, value_real, value_imag)
         _pole_response(arrays, p, residue, out)
     else:
         for j in range(out.size):
@@ -339,30 +346,19 @@ def _smooth_values(
     x: np.ndarray,
     arrays: MapArrays,
     p: complex,
-    residue: complex,
+    unit: complex,
     near: float,
     value_real: np.ndarray,
     value_imag: np.ndarray,
 ) -> None:
     """Where a node is so near the pole that Y − R/(s − p) cancels, take the mean on a circle."""
-    radius = math.sqrt(near)
     for k in range(arrays.real.size):
         node = complex(arrays.real[k], arrays.imag[k])
         gap = node - p
-        if gap.real * gap.real + gap.imag * gap.imag >= near:
-            continue
-        mean = 0j
-        for i in range(_CIRCLE):
-            s = node + radius * _ON_CIRCLE[i]
-            log_s = complex(math.log(abs(s)), math.atan2(s.imag, s.real))
-            d = cexp(x[0] * log_s) + x[2] * cexp(x[1] * log_s) + x[3]
-            mean += (
-                x[4] * over(1.0 + 0j, s * d)
-                - over(residue, s - p)
-                - over(residue.conjugate(), s - p.conjugate())
-            )
-        value_real[k] = mean.real / _CIRCLE
-        value_imag[k] = mean.imag / _CIRCLE
+        if gap.real * gap.real + gap.imag * gap.imag < near:
+            mean = x[4] * transform_on_circle(node, -1.0, x[0], x[1], x[2], x[3], p, unit)
+            value_real[k] = mean.real
+            value_imag[k] = mean.imag
 
 
 @njit
@@ -401,9 +397,9 @@ def jacobian_on_map(x: np.ndarray, arrays: MapArrays, work: np.ndarray, out: np.
     gradient = np.empty(5, np.complex128)
     if has_pole:
         p = cexp(log_pole)
-        near = (0.1 * (p.imag if p.real < 0.0 else abs(p))) ** 2
+        near = (0.5 * circle_radius(p)) ** 2
         pole_derivatives(log_pole, alpha2, alpha1, a1, b0, single, double)
-    radius = math.sqrt(max(near, 0.0))
+    radius = 2.0 * math.sqrt(max(near, 0.0))
     for k in range(count):
         s = complex(arrays.real[k], arrays.imag[k])
         gap = s - p
@@ -421,16 +417,16 @@ def jacobian_on_map(x: np.ndarray, arrays: MapArrays, work: np.ndarray, out: np.
             for i in range(5):
                 work[2 * i, k] = 0.0
                 work[2 * i + 1, k] = 0.0
-            for m in range(_CIRCLE):
-                z = s + radius * _ON_CIRCLE[m]
+            for m in range(CIRCLE):
+                z = s + radius * ON_CIRCLE[m]
                 log_z = complex(math.log(abs(z)), math.atan2(z.imag, z.real))
                 step_gradient(
                     z, log_z, cexp(alpha2 * log_z), cexp(alpha1 * log_z), a1, a0, b0, gradient
                 )
                 subtract_pole(z, p, single, double, gradient)
                 for i in range(5):
-                    work[2 * i, k] += gradient[i].real / _CIRCLE
-                    work[2 * i + 1, k] += gradient[i].imag / _CIRCLE
+                    work[2 * i, k] += gradient[i].real / CIRCLE
+                    work[2 * i + 1, k] += gradient[i].imag / CIRCLE
     if has_pole:
         _pole_jacobian(arrays, p, single, double, out)
     else:

@@ -17,14 +17,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from spa_fo._jit import njit
 from spa_fo.fractional._elementary import fast_exp, fast_sincos
-from spa_fo.fractional.characteristic import cexp, check_parameters, find_pole, over
+from spa_fo.fractional.characteristic import (
+    cexp,
+    check_parameters,
+    circle_radius,
+    find_pole,
+    over,
+    transform_less_poles,
+    transform_on_circle,
+)
 from spa_fo.fractional.intervals import Hold, input_intervals
 from spa_fo.fractional.response_map import phi1
 from spa_fo.fractional.step import inverse_kernel
 
 # Error exp(-25) = 1.4e-11 of the contour integral.
 _LOG_TOLERANCE = 25.0
-_CIRCLE = 16
 
 
 @njit
@@ -46,35 +53,6 @@ def _hyperbola(spread: float) -> tuple[float, float]:
         if rate > best_rate:
             best_rate, best_phi, best_a = rate, phi, a
     return best_phi, best_a
-
-
-@njit
-def _regular_part(
-    s: complex,
-    p: complex,
-    residue: complex,
-    alpha2: float,
-    alpha1: float,
-    a1: float,
-    a0: float,
-    radius: float,
-) -> complex:
-    """1/(s D) less its pair of poles; near the pole the mean over a circle of that radius."""
-    if radius == 0.0 or abs(s - p) > radius:
-        log_s = complex(math.log(abs(s)), math.atan2(s.imag, s.real))
-        d = cexp(alpha2 * log_s) + a1 * cexp(alpha1 * log_s) + a0
-        value = over(1.0 + 0j, s * d)
-        if radius > 0.0:
-            value -= over(residue, s - p) + over(residue.conjugate(), s - p.conjugate())
-        return value
-    mean = 0j
-    for i in range(_CIRCLE):
-        z = s + radius * cexp(complex(0.0, 2.0 * math.pi * (i + 0.5) / _CIRCLE))
-        log_z = complex(math.log(abs(z)), math.atan2(z.imag, z.real))
-        d = cexp(alpha2 * log_z) + a1 * cexp(alpha1 * log_z) + a0
-        mean += over(1.0 + 0j, z * d)
-        mean -= over(residue, z - p) + over(residue.conjugate(), z - p.conjugate())
-    return mean * (1.0 / _CIRCLE)
 
 
 @njit
@@ -100,12 +78,12 @@ def _simulate(
     log_pole = find_pole(alpha2, alpha1, a1, a0)
     p = 0j
     residue = 0j
-    radius = 0.0
+    reach = 0.0
     if log_pole.imag > 0.0:
         p = cexp(log_pole)
         power = alpha2 * cexp(alpha2 * log_pole) + alpha1 * a1 * cexp(alpha1 * log_pole)
         residue = over(1.0 + 0j, power)
-        radius = 0.1 * (p.imag if p.real < 0.0 else abs(p))
+        reach = 0.5 * circle_radius(p)
 
     node = np.empty((2, count))
     value = np.empty((2, count))
@@ -114,7 +92,10 @@ def _simulate(
         s = complex(mu * (1.0 - math.sin(phi) * math.cosh(u)), mu * math.cos(phi) * math.sinh(u))
         # ds/du / i = mu cos(iu - phi)
         slope = complex(math.cos(phi) * math.cosh(u), math.sin(phi) * math.sinh(u))
-        z = _regular_part(s, p, residue, alpha2, alpha1, a1, a0, radius)
+        if reach > 0.0 and abs(s - p) < reach:
+            z = transform_on_circle(s, -1.0, alpha2, alpha1, a1, a0, p, residue)
+        else:
+            z = transform_less_poles(s, -1.0, alpha2, alpha1, a1, a0, p, residue)
         v = z * slope * (mu * h / math.pi)
         node[0, k], node[1, k] = s.real, s.imag
         value[0, k], value[1, k] = v.real, v.imag

@@ -13,7 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spa_fo._jit import njit
-from spa_fo.fractional.characteristic import cexp, check_parameters, find_pole, over
+from spa_fo.fractional.characteristic import (
+    CIRCLE,
+    ON_CIRCLE,
+    cexp,
+    check_parameters,
+    circle_radius,
+    find_pole,
+    over,
+    transform_on_circle,
+)
 
 _N = 18
 HYPERBOLA_PHI = 1.1721
@@ -25,16 +34,6 @@ NODES = HYPERBOLA_MU * (1.0 + np.sin(1j * _U - HYPERBOLA_PHI))
 _LOG_NODES = np.log(NODES)
 # Re sum WEIGHTS_k F(s_k) is the inverse transform of F at t, with s_k = NODES_k / t (times 1/t).
 WEIGHTS = np.exp(NODES) * HYPERBOLA_MU * np.cos(1j * _U - HYPERBOLA_PHI) * _H / math.pi
-
-_CIRCLE = 16
-_ON_CIRCLE = np.exp(2j * np.pi * (np.arange(_CIRCLE) + 0.5) / _CIRCLE)
-
-
-@njit
-def _transform(s: complex, alpha2: float, alpha1: float, a1: float, a0: float) -> complex:
-    """1/D(s)."""
-    log_s = complex(math.log(abs(s)), math.atan2(s.imag, s.real))
-    return over(1.0 + 0j, cexp(alpha2 * log_s) + a1 * cexp(alpha1 * log_s) + a0)
 
 
 @njit
@@ -61,8 +60,7 @@ def inverse_kernel(
             (alpha1 - 1.0) * log_pole
         )
         residue = over(cexp(power * log_pole), derivative)
-        # A node this near the pole loses digits to Y - R/(s - p): see _regular.
-        reach = 0.1 * (p.imag if p.real < 0.0 else modulus)
+        reach = 0.5 * circle_radius(p)
     powers2 = np.empty(_N, np.complex128)
     powers1 = np.empty(_N, np.complex128)
     weights = np.empty(_N, np.complex128)
@@ -93,17 +91,10 @@ def inverse_kernel(
                     pair = over(residue, gap) + over(residue.conjugate(), conjugate)
                     part += (WEIGHTS[k] * pair).real
                 else:
-                    # Replace the regular part by its mean over a circle around the node.
-                    mean = 0j
-                    for i in range(_CIRCLE):
-                        s = NODES[k] / t[j] + reach * _ON_CIRCLE[i]
-                        mean += (
-                            _transform(s, alpha2, alpha1, a1, a0)
-                            * cexp(power * complex(math.log(abs(s)), math.atan2(s.imag, s.real)))
-                            - over(residue, s - p)
-                            - over(residue.conjugate(), s - p.conjugate())
-                        )
-                    part -= (WEIGHTS[k] * mean).real / (_CIRCLE * t[j])
+                    mean = transform_on_circle(
+                        NODES[k] * (1.0 / t[j]), power, alpha2, alpha1, a1, a0, p, residue
+                    )
+                    part -= (WEIGHTS[k] * mean).real / t[j]
             out[j] = scale * total - part + 2.0 * (residue * cexp(pole)).real
         else:
             for k in range(_N):
@@ -133,7 +124,7 @@ def _jacobian_points(
     if has_pole:
         p = cexp(log_pole)
         modulus = abs(p)
-        reach = 0.1 * (p.imag if p.real < 0.0 else modulus)
+        reach = 0.5 * circle_radius(p)
         pole_derivatives(log_pole, alpha2, alpha1, a1, b0, single, double)
     powers2 = np.empty(_N, np.complex128)
     powers1 = np.empty(_N, np.complex128)
@@ -171,9 +162,9 @@ def _jacobian_points(
                 for i in range(5):
                     out[j, i] += (weight * gradient[i]).real
             else:
-                weight = WEIGHTS[k] * (1.0 / (t[j] * _CIRCLE))
-                for m in range(_CIRCLE):
-                    z = s + reach * _ON_CIRCLE[m]
+                weight = WEIGHTS[k] * (1.0 / (t[j] * CIRCLE))
+                for m in range(CIRCLE):
+                    z = s + 2.0 * reach * ON_CIRCLE[m]
                     log_z = complex(math.log(abs(z)), math.atan2(z.imag, z.real))
                     step_gradient(
                         z, log_z, cexp(alpha2 * log_z), cexp(alpha1 * log_z), a1, a0, b0, gradient
