@@ -148,7 +148,7 @@ class Hysteresis:
     """
 
     moment_deg: float
-    yield_deg: float = 6.0
+    yield_deg: float = 20.0
 
 
 @dataclass(frozen=True)
@@ -176,10 +176,6 @@ class SoftActuator:
     def begin(self, step_s: float, now_s: float = 0.0) -> RunningActuator:
         """Start a virgin specimen at rest at campaign time `now_s`."""
         return RunningActuator(self, step_s, now_s)
-
-    def without_effects(self) -> SoftActuator:
-        """Give the bare core."""
-        return SoftActuator(self.core, self.reference_kpa)
 
 
 class _Branches(NamedTuple):
@@ -312,10 +308,16 @@ def _moment(actuator: SoftActuator, core: FractionalCore) -> _Moment:
 
 
 @njit
+def _rubbed(friction: float, turned: float) -> float:
+    """Friction state after moving by `turned` yield angles (implicit Euler, so never above 1)."""
+    return (friction + turned) / (1.0 + abs(turned))
+
+
+@njit
 def _restoring(
     angle: float, moved: float, friction: float, bundle: float, m: _Moment
-) -> tuple[float, float, float]:
-    """Restoring moment over a0, its slope in the angle, and the friction state after `moved`."""
+) -> tuple[float, float]:
+    """Restoring moment over a0 at `angle`, after `moved` from the last one; and its slope."""
     stretch = 1.0 - (angle * m.inverse_lock) ** 2
     # A lock is never reached by design; the bound keeps Newton's first guesses finite.
     stretch = max(stretch, 0.05)
@@ -328,10 +330,10 @@ def _restoring(
     moment += m.stop_stiffness * beyond**1.5
     slope += 1.5 * m.stop_stiffness * beyond**0.5
     turned = moved * m.inverse_yield
-    friction = (friction + turned) / (1.0 + abs(turned))
+    friction = _rubbed(friction, turned)
     moment += m.friction * friction
     slope += m.friction * m.inverse_yield * (1.0 - np.sign(moved) * friction) / (1.0 + abs(turned))
-    return moment, slope, friction
+    return moment, slope
 
 
 @njit
@@ -365,16 +367,14 @@ def _advance(
         new_rate = rate
         for _ in range(20):
             moved = 0.5 * step * (rate + new_rate)
-            restoring, slope, _ = _restoring(angle + moved, moved, friction, bundle, moment)
+            restoring, slope = _restoring(angle + moved, moved, friction, bundle, moment)
             excess = resistance * new_rate - pull + moment.a0 * restoring - load[i]
             change = excess / (resistance + moment.a0 * slope * 0.5 * step)
             new_rate -= change
             if abs(change) < 1e-13:
                 break
         moved = 0.5 * step * (rate + new_rate)
-        friction = (friction + moved * moment.inverse_yield) / (
-            1.0 + abs(moved * moment.inverse_yield)
-        )
+        friction = _rubbed(friction, moved * moment.inverse_yield)
         angle += moved
         for k in range(y.size):
             y[k] += branches.from_new[k] * new_rate
@@ -391,9 +391,3 @@ def _advance(
         out[i] = total
     state.motion[0], state.motion[1], state.motion[2] = angle, rate, friction
     return out
-
-
-def step_response(core: FractionalCore, duration_s: float, step_s: float) -> Array:
-    """Response of the bare core to u = 1, rad at the end of each step; for checks."""
-    run = SoftActuator(core, 1.0).begin(step_s)
-    return np.deg2rad(run(np.ones(round(duration_s / step_s))))

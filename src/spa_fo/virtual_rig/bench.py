@@ -6,7 +6,8 @@ friction, drift and slip carry over as the physics has it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from spa_fo.virtual_rig.converter import Acquisition, Counts
 from spa_fo.virtual_rig.flex_sensor import FlexSensor
 from spa_fo.virtual_rig.syringe_pump import SyringePump, delay
 
-STEPS_PER_SAMPLE = 20
+_STEPS_PER_SECOND = 1000
 _SETTLING_S = 2.0  # fills the buffers of a fresh bench
+_STAGES = ("pump", "actuator", "sensor", "acquisition")
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,11 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Specimen:
-    """One actuator on the bench, complete: what the diagnosis has to find out."""
+    """One actuator on the bench, complete: what a diagnosis has to find out.
+
+    A stage's field that is None by default is an effect that is absent; its name is the effect's
+    identifier.
+    """
 
     pump: SyringePump
     actuator: SoftActuator
@@ -49,9 +55,35 @@ class Specimen:
     acquisition: Acquisition = field(default_factory=Acquisition)
     scatter: Scatter = field(default_factory=Scatter)
 
+    def effects(self) -> dict[str, Any]:
+        """List every effect the rig knows by its identifier: its object, or None where absent."""
+        stages = [getattr(self, stage) for stage in _STAGES]
+        return {name: getattr(stage, name) for stage in stages for name in _effects_of(stage)}
+
+    def with_effect(self, name: str, effect: object) -> Specimen:
+        """Give the same specimen with one effect set, or taken away (None).
+
+        Raises
+        ------
+        KeyError
+            The rig knows no effect of this name.
+        """
+        for stage_name in _STAGES:
+            stage = getattr(self, stage_name)
+            if name in _effects_of(stage):
+                changed: dict[str, Any] = {stage_name: replace(stage, **{name: effect})}
+                return replace(self, **changed)
+        raise KeyError(name)
+
+
+def _effects_of(stage: Any) -> list[str]:
+    return [entry.name for entry in fields(stage) if entry.default is None]
+
 
 class Bench:
     """A specimen with its memory, run from the first calibration to the last.
+
+    Stretches may be of any length, down to one sample: what a live board needs.
 
     Parameters
     ----------
@@ -66,15 +98,15 @@ class Bench:
     def __init__(self, specimen: Specimen, rate_hz: float, starts_s: float) -> None:
         self._specimen = specimen
         self._rate_hz = rate_hz
-        self.now_s = starts_s
-        step_s = 1.0 / (rate_hz * STEPS_PER_SAMPLE)
+        self._steps = max(1, round(_STEPS_PER_SECOND / rate_hz))
+        step_s = 1.0 / (rate_hz * self._steps)
         latency = specimen.acquisition.channel_latency
         self._pump = specimen.pump.begin(step_s)
-        self._actuator = specimen.actuator.begin(step_s, starts_s)
+        self.now_s = starts_s - _SETTLING_S
+        self._actuator = specimen.actuator.begin(step_s, self.now_s)
         self._sensor = specimen.sensor.begin(step_s)
         self._flex_delay = delay(0 if latency is None else round(latency.delay_s / step_s))
         self._pressure_kpa = self._flex_volts = 0.0
-        self.now_s = starts_s - _SETTLING_S
         self.rest(starts_s)
 
     def begin_trial(self, rng: np.random.Generator) -> None:
@@ -101,16 +133,13 @@ class Bench:
         pressure_counts, flex_counts : ndarray (n,)
             What the board reads at each sample, before its command takes effect.
         """
-        pressure = self._pump(np.repeat(command_kpa, STEPS_PER_SAMPLE))
-        angle = self._actuator(pressure)
-        volts = self._flex_delay(self._sensor(angle))
-        return self._read(pressure, volts, rng)
+        return self._read(*self._run(command_kpa, None), rng)
 
     def rest(self, until_s: float) -> None:
         """Let the vented actuator lie until campaign time `until_s`."""
         samples = round((until_s - self.now_s) * self._rate_hz)
         if samples > 0:
-            self.drive(np.zeros(samples), np.random.default_rng(0))
+            self._run(np.zeros(samples), None)
         self.now_s = until_s
 
     def hold_in_fixture(self, angle_deg: Array, rng: np.random.Generator) -> tuple[Array, Counts]:
@@ -123,31 +152,35 @@ class Bench:
         flex_counts : ndarray (n,)
             What the board reads.
         """
-        pressure = self._pump(np.zeros(angle_deg.size * STEPS_PER_SAMPLE))
-        self._actuator(pressure)
-        volts = self._flex_delay(self._sensor.in_fixture(np.repeat(angle_deg, STEPS_PER_SAMPLE)))
-        time, _, flex = self._read(pressure, volts, rng)
+        time, _, flex = self._read(*self._run(np.zeros(angle_deg.size), angle_deg), rng)
         return time, flex
 
+    def _run(self, command_kpa: Array, fixture_deg: Array | None) -> tuple[Array, Array, Array]:
+        """Advance the physics; campaign time, true pressure and flex voltage at each sample."""
+        pressure = self._pump(np.repeat(command_kpa, self._steps))
+        angle = self._actuator(pressure)
+        if fixture_deg is None:
+            volts = self._sensor(angle)
+        else:
+            volts = self._sensor.in_fixture(np.repeat(fixture_deg, self._steps))
+        volts = self._flex_delay(volts)
+        # The board samples at the start of a period: what the last one ended with.
+        ends = slice(self._steps - 1, None, self._steps)
+        pressure = np.append(self._pressure_kpa, pressure[ends])
+        volts = np.append(self._flex_volts, volts[ends])
+        self._pressure_kpa, self._flex_volts = pressure[-1], volts[-1]
+        time = self.now_s + np.arange(command_kpa.size) / self._rate_hz
+        self.now_s += command_kpa.size / self._rate_hz
+        return time, pressure[:-1], volts[:-1]
+
     def _read(
-        self, pressure_kpa: Array, flex_volts: Array, rng: np.random.Generator
+        self, time_s: Array, pressure_kpa: Array, flex_volts: Array, rng: np.random.Generator
     ) -> tuple[Array, Counts, Counts]:
-        """Convert the values at the start of each sample period."""
-        samples = pressure_kpa.size // STEPS_PER_SAMPLE
+        """Convert what the sensors say to counts."""
         acquisition = self._specimen.acquisition
-        time = self.now_s + np.arange(samples) / self._rate_hz
-        pressure = np.append(
-            self._pressure_kpa, pressure_kpa[STEPS_PER_SAMPLE - 1 :: STEPS_PER_SAMPLE]
-        )
-        flex = np.append(self._flex_volts, flex_volts[STEPS_PER_SAMPLE - 1 :: STEPS_PER_SAMPLE])
-        self._pressure_kpa, self._flex_volts = pressure[-1], flex[-1]
-        pressure, flex = pressure[:-1], flex[:-1]
-        self.now_s += samples / self._rate_hz
+        converter = acquisition.converter
         if acquisition.mains_pickup is not None:
-            per_count = acquisition.converter.reference_volt / acquisition.converter.maximum
-            flex = flex + per_count * acquisition.mains_pickup.counts(time)
-        return (
-            time,
-            acquisition.converter.counts(acquisition.pressure_sensor.volts(pressure), rng),
-            acquisition.converter.counts(flex, rng),
-        )
+            volts_per_count = converter.reference_volt / converter.maximum
+            flex_volts = flex_volts + volts_per_count * acquisition.mains_pickup.counts(time_s)
+        pressure_volts = acquisition.pressure_sensor.volts(pressure_kpa)
+        return time_s, converter.counts(pressure_volts, rng), converter.counts(flex_volts, rng)

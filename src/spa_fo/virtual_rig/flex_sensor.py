@@ -101,7 +101,10 @@ class SensorNonlinearity:
 
 @dataclass(frozen=True)
 class SensorSaturation:
-    """The film stops stretching: soft minimum of the angle and `ceiling_deg`."""
+    """The pocket's end stops the film: soft minimum of the angle and `ceiling_deg`.
+
+    Nothing in the fixture, where the film lies free.
+    """
 
     ceiling_deg: float
     knee_deg: float = 3.0
@@ -171,9 +174,8 @@ class RunningSensor:
         return self._volts(felt + self._seat_deg)
 
     def in_fixture(self, angle_deg: Array) -> Array:
-        """Divider voltage in the calibration fixture: no seat, and it bends as calibrated."""
-        saturation = self._sensor.sensor_saturation
-        return self._volts(angle_deg if saturation is None else saturation.felt(angle_deg))
+        """Divider voltage in the calibration fixture: no seat and no pocket."""
+        return self._volts(angle_deg)
 
     def _volts(self, angle_deg: Array) -> Array:
         return self._sensor.curve.volts(self._film(angle_deg + self._zero_deg))
