@@ -51,7 +51,7 @@ def read_checksums(folder: Path, files: Iterable[str] = ("*/*.log",)) -> dict[st
             continue
         match = _LINE.fullmatch(line)
         if match is None:
-            raise BadInput(path, "expected '<64 hex digits>  <file>'", f"line {number}")
+            raise BadInput(path, "expected 64 hex digits, two spaces and a file", f"line {number}")
         name = Path(match["file"]).as_posix()
         if name in digests:
             raise BadInput(path, f"lists {name} twice", f"line {number}")

@@ -9,6 +9,7 @@ Floats = npt.NDArray[np.float64]
 
 _MOVING = 0.005  # of the command's range, from one sample to the next
 _CHANGE = 0.05  # of the range: the smallest change that counts
+_SLOW_S = 2.0  # a change that takes this long is a ramp
 _PLATEAU_S = 0.25  # changes nearer to each other than this are one
 
 
@@ -16,7 +17,7 @@ def command_changes(t_s: Floats, command_kpa: Floats) -> Floats:
     """Return the sudden changes of a command (kPa, signed, in order), ramps of a blink merged.
 
     A command that is constant but not zero rose before its first sample: that is one change.
-    Noise, and ramps slower than 0.5 % of the range a sample, are no changes.
+    Noise, and ramps that last 2 s or creep by less than 0.5 % of the range a sample, are none.
     """
     span = float(np.ptp(command_kpa))
     if span == 0.0:
@@ -27,9 +28,13 @@ def command_changes(t_s: Floats, command_kpa: Floats) -> Floats:
     steps = np.diff(command_kpa)[moving]
     apart = np.diff(t_s[moving + 1]) > _PLATEAU_S
     turned = np.sign(steps[1:]) != np.sign(steps[:-1])
-    groups = np.split(steps, np.flatnonzero(apart | turned) + 1)
-    sizes = (float(group.sum()) for group in groups)
-    return np.array([size for size in sizes if abs(size) > _CHANGE * span], dtype=np.float64)
+    cuts = np.flatnonzero(apart | turned) + 1
+    changes = [
+        float(sizes.sum())
+        for sizes, times in zip(np.split(steps, cuts), np.split(t_s[moving], cuts), strict=True)
+        if times[-1] - times[0] < _SLOW_S
+    ]
+    return np.array([size for size in changes if abs(size) > _CHANGE * span], dtype=np.float64)
 
 
 def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None:

@@ -312,7 +312,8 @@ def _check_protocol(
 ) -> None:
     if samples.command_kpa is None:
         return
-    lie = contradiction(experiment.protocol, samples.t_s, samples.command_kpa)
+    first = ~samples.after_reset  # after a reset the board may begin its protocol again
+    lie = contradiction(experiment.protocol, samples.t_s[first], samples.command_kpa[first])
     if lie is not None:
         raise BadInput(
             file.path,
