@@ -1,0 +1,91 @@
+"""Where the parameters are searched: the paper's box, that box widened, and a loose one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.plant.paper import BOUNDS, TABLE_I
+from spa_fo.plant.transfer_function import ORDER_LIMIT, PARAMETERS
+
+Floats = NDArray[np.float64]
+
+ORDER_GAP = 0.02
+"""The orders are kept this far apart, and from 0 and 2: closer they are one and the same."""
+WIDENING_MARGIN = 0.1
+"""A widened bound lies this fraction of a value of Table I beyond it."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """A box for the five parameters; arrays of shape (5,) in the order of `PARAMETERS`.
+
+    Raises
+    ------
+    ValueError
+        A bound is not finite, the two are reversed, or a coefficient may vanish.
+    """
+
+    name: str
+    lower: Floats
+    upper: Floats
+
+    def __post_init__(self) -> None:
+        for name, low, high in zip(PARAMETERS, self.lower, self.upper, strict=True):
+            if not (np.isfinite(low) and np.isfinite(high)):
+                raise ValueError(f"bounds of {name} must be finite, not {low}, {high}")
+            if low > high:
+                raise ValueError(f"bounds of {name} are reversed: {low:g} > {high:g}")
+            if low <= 0:
+                raise ValueError(f"the lower bound of {name} must be positive, not {low:g}")
+        if self.lower[1] + ORDER_GAP > self.upper[0] or self.upper[0] >= ORDER_LIMIT:
+            raise ValueError("the bounds leave no room for 0 < alpha1 < alpha2 < 2")
+
+    def holds(self, x: Floats) -> bool:
+        """Whether `x` (5,) lies within the box."""
+        return bool(np.all((x >= self.lower) & (x <= self.upper)))
+
+    def touched(self, x: Floats, tolerance: float = 1e-6) -> tuple[str, ...]:
+        """Return where `x` (5,) lies on the box, such as ``"a0 upper"``."""
+        slack = tolerance * np.maximum(self.upper, 1e-300)
+        marks: list[str] = []
+        for i, name in enumerate(PARAMETERS):
+            if x[i] <= self.lower[i] + slack[i]:
+                marks.append(f"{name} lower")
+            elif x[i] >= self.upper[i] - slack[i]:
+                marks.append(f"{name} upper")
+        return tuple(marks)
+
+
+def printed_bounds() -> Bounds:
+    """Return the bounds as the paper prints them; they do not hold its Table I."""
+    low, high = np.array([BOUNDS[name] for name in PARAMETERS]).T
+    return Bounds("printed", low, high)
+
+
+def widened_bounds() -> Bounds:
+    """Return the smallest extension of the printed bounds that holds Table I, with a margin."""
+    printed = printed_bounds()
+    table = np.array([x.as_array() for x in TABLE_I.values()])
+    low, high = printed.lower.copy(), printed.upper.copy()
+    below, above = table.min(axis=0) < low, table.max(axis=0) > high
+    low[below] = table.min(axis=0)[below] * (1.0 - WIDENING_MARGIN)
+    high[above] = table.max(axis=0)[above] * (1.0 + WIDENING_MARGIN)
+    return Bounds("widened", low, high)
+
+
+def free_bounds() -> Bounds:
+    """Return loose bounds that only keep the model meaningful: the optimum of the data."""
+    order = ORDER_LIMIT - ORDER_GAP
+    return Bounds(
+        "free",
+        np.array([2.0 * ORDER_GAP, ORDER_GAP, 1e-3, 1e-3, 1e-4]),
+        np.array([order, order - ORDER_GAP, 1e3, 1e3, 1e4]),
+    )
+
+
+def bounds_by_name(name: str) -> Bounds:
+    """Return ``"printed"``, ``"widened"`` or ``"free"`` bounds."""
+    return {"printed": printed_bounds, "widened": widened_bounds, "free": free_bounds}[name]()
