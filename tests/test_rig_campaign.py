@@ -251,6 +251,14 @@ def test_a_wrong_description_is_refused(
     assert message in refused(folder)
 
 
+def test_a_name_may_be_written_with_dots(folder: Path) -> None:
+    rewrite(
+        folder,
+        lambda d: d["experiments"][0]["trials"][1].update(file="./step_20//trial_02.log"),
+    )
+    assert read_campaign(folder).experiments[0].trials[1].file == "step_20/trial_02.log"
+
+
 def test_no_folder_and_no_description(tmp_path: Path, folder: Path) -> None:
     assert "is not there; expected a campaign folder" in refused(tmp_path / "nothing")
     assert "is not there; expected a campaign folder" in refused(folder / "campaign.yaml")

@@ -197,6 +197,26 @@ def test_a_description_that_lies_about_a_trial(tmp_path: Path, data: bytes, mess
     assert message in refused(with_trial(tmp_path, data))
 
 
+def test_a_trial_of_another_setpoint(tmp_path: Path) -> None:
+    text = refused(with_trial(tmp_path, log(rows(seed=2, level=45.0))))
+    assert "kPa, but the trials of experiment 'step_20' command 32.5 kPa in the middle" in text
+    free = with_trial(tmp_path / "free", log(rows(seed=2, level=45.0)), setpoint_deg=None)
+    assert len(read(free).trials) == 2
+
+
+def test_a_file_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = naive_rig.write_campaign(tmp_path / "small")
+    plain = Path.read_bytes
+
+    def failing(path: Path) -> bytes:
+        if path.name == "trial_02.log":
+            raise PermissionError(13, "Permission denied")
+        return plain(path)
+
+    monkeypatch.setattr(Path, "read_bytes", failing)
+    assert "trial_02.log: cannot be read (Permission denied); expected a raw" in refused(folder)
+
+
 def test_a_trial_given_as_calibration(tmp_path: Path) -> None:
     folder = naive_rig.write_campaign(
         tmp_path / "small", files={"calibration/post.log": log(rows(seed=8))}
@@ -315,6 +335,11 @@ def test_a_zero_from_few_samples_is_noted(tmp_path: Path) -> None:
     text = "t,c,a\n0,0,0.1\n10,0.2,0.1\n20,0.2,0.5\n"
     report = read(csv_campaign(tmp_path, text)).report
     assert report.files[0].notes == ("its zero is the mean of only 1 samples",)
+    still = {**CSV, "columns": {k: v for k, v in CSV["columns"].items() if k != "command"}}  # type: ignore[attr-defined]
+    (tmp_path / "still").mkdir()
+    (trial,) = read(csv_campaign(tmp_path / "still", text, still)).trials
+    assert trial.angle_deg.mean() == pytest.approx(0.0, abs=1e-12)
+    assert trial.command_kpa is None
 
 
 def test_csv_flex_counts_go_through_the_calibration(tmp_path: Path) -> None:
@@ -362,5 +387,8 @@ def test_protocols_are_held_to_their_word() -> None:
     assert contradiction("free", t, 0 * t) is None
     assert contradiction("step", t, stairs) == "its command rises 3 times; expected one step"
     assert contradiction("step", t, triangle) == "its command rises 0 times; expected one step"
-    assert contradiction("staircase", t, step) is not None
+    for other in (step, step * (t < 10)):
+        assert "expected several steps" in str(contradiction("staircase", t, other))
+        assert contradiction("triangle", t, other) == "its command jumps by 20 kPa; expected ramps"
+    assert contradiction("hold", t, stairs) == "its command rises 3 times; expected one level"
     assert contradiction("hold", t, 0 * t) == "its command is 0 throughout"

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from spa_fo.errors import BadInput
+from spa_fo.rig.raw import read_bytes
 
 NAME = "SHA256SUMS"
 _LINE = re.compile(r"(?P<digest>[0-9a-fA-F]{64}) [ *](?P<file>.+)")
@@ -90,7 +91,7 @@ def verify(folder: Path, files: Collection[str]) -> tuple[str, ...]:
         path = folder / name
         if not path.is_file():
             raise BadInput(sums, f"lists {name}, which is not there")
-        actual = hashlib.sha256(path.read_bytes()).hexdigest()
+        actual = hashlib.sha256(read_bytes(path, "a raw file")).hexdigest()
         if actual != digest:
             raise BadInput(
                 path, f"its SHA-256 is {actual[:12]}..., but {NAME} says {digest[:12]}..."

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from spa_fo.errors import BadInput
 from spa_fo.rig.campaign import Column, LogFormat
 from spa_fo.rig.parse_report import FileReport, Tally
+from spa_fo.rig.raw import read_bytes
 from spa_fo.validation import suggestion
 
 Floats = npt.NDArray[np.float64]
@@ -124,6 +125,7 @@ def read_csv_log(
         damaged=tally.damage(),
         duplicates=duplicates,
         comments=comments,
+        pauses=_pauses(converted["time"][keep]),
         banners=0 if header is None else 1,
     )
     if len(keep) < 2:
@@ -143,10 +145,7 @@ def read_csv_log(
 
 def _read_lines(path: Path) -> tuple[list[str], bool]:
     """Return the lines without their ends, and whether the last one was ended."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise BadInput(path, f"cannot be read ({error.strerror}); expected a csv log") from error
+    data = read_bytes(path, "a csv log")
     if not data:
         raise BadInput(path, "is empty; expected a csv log")
     if b"\0" in data or data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -304,6 +303,12 @@ def _in_order(
             tally.add("implausible time", numbers[keep[end]])
             keep = keep[inner]
     return keep, duplicates
+
+
+def _pauses(time: Floats) -> int:
+    """Count the steps of time that are longer than 5 of the usual ones."""
+    steps = np.diff(time)
+    return int(np.count_nonzero(steps > 5.0 * np.median(steps))) if steps.size else 0
 
 
 def _increasing(

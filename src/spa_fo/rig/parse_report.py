@@ -77,39 +77,29 @@ class ParseReport:
 
     def to_markdown(self) -> str:
         """Return a table, one line a file, followed by notes and warnings."""
-        head: tuple[str, ...] = (
-            "file",
-            "lines",
-            "valid",
-            "damaged",
-            "gaps (samples)",
-            "duplicates",
-        )
-        head += ("wraps", "resets", "outside calibration")
-        rows: list[tuple[str, ...]] = [
-            head,
-            ("---", *("---:" if name != "damaged" else "---" for name in head[1:])),
-        ]
-        rows += [
-            (
-                file.file,
-                str(file.lines),
-                str(file.valid),
-                file.why() or "none",
-                f"{file.gaps} ({file.missing_samples})",
-                str(file.duplicates),
-                str(file.wraps),
-                str(file.resets),
-                str(file.outside_calibration),
-            )
-            for file in self.files
-        ]
-        table = [
-            f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows
-        ]
+        rows = [_cells(file) for file in self.files]
+        head = list(rows[0]) if rows else ["file"]
+        rule = ["---" if name in ("file", "damaged") else "---:" for name in head]
+        body = [[cell.replace("|", "\\|") for cell in row.values()] for row in rows]
+        table = [f"| {' | '.join(cells)} |" for cells in (head, rule, *body)]
         notes = [f"- {file.file}: {note}" for file in self.files for note in file.notes]
         notes += [f"- {warning}" for warning in self.warnings]
         return "\n".join([*table, *([""] if notes else []), *notes]) + "\n"
+
+
+def _cells(file: FileReport) -> dict[str, str]:
+    return {
+        "file": file.file,
+        "lines": f"{file.lines}",
+        "valid": f"{file.valid}",
+        "damaged": file.why() or "none",
+        "gaps (samples)": f"{file.gaps} ({file.missing_samples})",
+        "duplicates": f"{file.duplicates}",
+        "pauses": f"{file.pauses}",
+        "wraps": f"{file.wraps}",
+        "resets (without banner)": f"{file.resets} ({file.resets_without_banner})",
+        "outside calibration": f"{file.outside_calibration}",
+    }
 
 
 @dataclass

@@ -41,8 +41,8 @@ def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None
     """Say how a command contradicts its protocol, or return None.
 
     ``step`` and ``step_release`` must rise exactly once and suddenly (a log may end before the
-    release); ``staircase`` must change at least twice; every protocol but ``free`` must command
-    something.
+    release), ``staircase`` at least twice one way, ``hold`` at most once, ``triangle`` not by
+    jumps; every protocol but ``free`` must command something.
     """
     if protocol == "free":
         return None
@@ -50,8 +50,31 @@ def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None
         return "its command is 0 throughout"
     changes = command_changes(t_s, command_kpa)
     rises = int(np.count_nonzero(changes > 0.0))
+    falls = int(np.count_nonzero(changes < 0.0))
     if protocol in ("step", "step_release") and rises != 1:
         return f"its command rises {rises} times; expected one step"
-    if protocol == "staircase" and changes.size < 2:
-        return f"its command changes {changes.size} times; expected several steps"
+    if protocol == "staircase" and max(rises, falls) < 2:
+        return f"its command rises {rises} times and falls {falls} times; expected several steps"
+    if protocol == "hold" and rises > 1:
+        return f"its command rises {rises} times; expected one level"
+    if protocol == "triangle" and np.any(np.abs(changes) > 0.5 * np.ptp(command_kpa)):
+        return f"its command jumps by {np.abs(changes).max():g} kPa; expected ramps"
     return None
+
+
+def odd_level(levels_kpa: Floats) -> int | None:
+    """Find the trial that does not belong to its experiment by its level of command.
+
+    Parameters
+    ----------
+    levels_kpa : ndarray, shape (n,)
+        The largest command of each trial of one experiment with one setpoint.
+
+    Returns
+    -------
+    int or None
+        The one farthest from the median, if that is by more than a factor of 1.5.
+    """
+    ratio = np.abs(np.log(levels_kpa / np.median(levels_kpa)))
+    worst = int(np.argmax(ratio))
+    return worst if ratio[worst] > np.log(1.5) else None

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from spa_fo.errors import BadInput
 from spa_fo.rig.clock import WRAP, follow, pace
 from spa_fo.rig.parse_report import FileReport, Tally
+from spa_fo.rig.raw import read_bytes
 from spa_fo.rig.wire import (
     Banner,
     LineParser,
@@ -47,11 +48,7 @@ class SpaRigLog:
 def read_spa_rig_log(path: Path | str, name: str | None = None) -> SpaRigLog:
     """Read a spa-rig log file (see `parse_spa_rig_log`); `name` is what reports call it."""
     path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise BadInput(path, f"cannot be read ({error.strerror}); expected a log") from error
-    return parse_spa_rig_log(data, path, name)
+    return parse_spa_rig_log(read_bytes(path, "a spa-rig log"), path, name)
 
 
 def parse_spa_rig_log(data: bytes, path: Path | str, name: str | None = None) -> SpaRigLog:

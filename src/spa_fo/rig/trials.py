@@ -27,12 +27,13 @@ from spa_fo.rig.campaign import (
 )
 from spa_fo.rig.csv_log import read_csv_log
 from spa_fo.rig.parse_report import FileReport, ParseReport, Tally
-from spa_fo.rig.protocol_check import contradiction
+from spa_fo.rig.protocol_check import contradiction, odd_level
 from spa_fo.rig.spa_rig_log import SpaRigLog, read_spa_rig_log
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
+_ONE_LEVEL = ("step", "step_release", "hold")
 _LONGEST_DROPOUT = 5  # samples
 
 TABLE_COLUMNS = (
@@ -169,6 +170,7 @@ def read_trials(campaign: Campaign) -> CampaignData:
         trial, report = _to_trial(samples, experiment, number, file, curve)
         trials.append(trial)
         reports.append(report)
+    _check_levels(campaign, trials)
     warnings = [*campaign.warnings, *_overlaps(trials)]
     return CampaignData(
         campaign,
@@ -322,6 +324,28 @@ def _check_protocol(
         )
 
 
+def _check_levels(campaign: Campaign, trials: Sequence[Trial]) -> None:
+    """Refuse a trial whose command is not that of its experiment: another one's log."""
+    for experiment in campaign.experiments:
+        if experiment.setpoint_deg is None or experiment.protocol not in _ONE_LEVEL:
+            continue
+        found = [
+            (file, float(trial.command_kpa.max()))
+            for trial, (_, _, file) in zip(trials, campaign.trial_files(), strict=True)
+            if trial.experiment == experiment.name and trial.command_kpa is not None
+        ]
+        levels = np.array([level for _, level in found])
+        if levels.size < 2 or levels.min() <= 0.0:
+            continue
+        odd = odd_level(levels)
+        if odd is not None:
+            raise BadInput(
+                found[odd][0].path,
+                f"commands {levels[odd]:g} kPa, but the trials of experiment '{experiment.name}' "
+                f"command {np.median(levels):g} kPa in the middle; expected one setpoint's trials",
+            )
+
+
 def _to_trial(
     samples: _Samples,
     experiment: Experiment,
@@ -343,7 +367,9 @@ def _to_trial(
     if samples.rest == "zero":
         before = _before_first_change(samples)
         angle = angle - angle[:before].mean()
-        if before < 5:
+        if before == angle.size:
+            notes += ("its input never changes: its zero is the mean of the whole log",)
+        elif before < 5:
             notes += (f"its zero is the mean of only {before} samples",)
     report = dataclasses.replace(
         samples.report, outside_calibration=int(np.count_nonzero(outside)), notes=notes
