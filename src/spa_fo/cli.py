@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 from spa_fo import __version__
 from spa_fo.atomic import write_text
-from spa_fo.edge import bad_input_exits
+from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error
 from spa_fo.errors import BadInput
 
 # The rooms are imported by the commands that need them: `--help` must not wait for Numba.
@@ -22,7 +22,7 @@ from spa_fo.errors import BadInput
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the process's exit code is returned, or raised as SystemExit."""
     options = _parser().parse_args(arguments)
-    with bad_input_exits():
+    with bad_input_exits(), closed_pipe_is_no_error():
         options.run(options)
     return 0
 

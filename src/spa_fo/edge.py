@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import traceback
 from collections.abc import Iterator
@@ -22,6 +23,17 @@ def bad_input_exits() -> Iterator[None]:
     except BadInput as error:
         print(f"spa-fo: {error}", file=sys.stderr)
         raise SystemExit(EXIT_BAD_INPUT) from None
+
+
+@contextmanager
+def closed_pipe_is_no_error() -> Iterator[None]:
+    """Leave quietly when whoever reads the output has seen enough (``spa-fo parse ... | head``)."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Python flushes once more at exit: give it somewhere to write.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager

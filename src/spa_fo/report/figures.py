@@ -22,6 +22,7 @@ from spa_fo.report.style import (
     TWO_COLUMNS_IN,
     VERMILION,
     new_figure,
+    styled,
 )
 
 Floats = NDArray[np.float64]
@@ -56,6 +57,7 @@ _CURVE_STYLES: tuple[dict[str, Any], ...] = (
 )
 
 
+@styled
 def step_figure(panels: Sequence[StepPanel]) -> Figure:
     """Draw step responses as in Figs. 4 and 5: one panel a setpoint, trials in grey, models on top.
 
@@ -113,6 +115,7 @@ class LogPanel:
     pressure_kpa: Floats | None
 
 
+@styled
 def log_figure(panels: Sequence[LogPanel], model_label: str) -> Figure:
     """Draw whole trials, a row each: angle measured and predicted, pressure behind, residual.
 
@@ -173,6 +176,7 @@ class CalibrationView:
     drifts: Mapping[str, tuple[Floats, Floats]]
 
 
+@styled
 def calibration_figure(view: CalibrationView) -> Figure:
     """Draw the flex sensor's curve with its dwells, and what hysteresis and drift it shows."""
     figure = new_figure(TWO_COLUMNS_IN, 2.6, [["curve", "difference"]])
@@ -248,6 +252,7 @@ _NAMES = {
 _LEVELS = {f"{100 * p:g} %": float(chdtri(1, 1 - p)) for p in (0.68, 0.95)}
 
 
+@styled
 def identifiability_figure(profiles: Sequence[Profile]) -> Figure:
     """Draw how far chi-square rises when one parameter is held and the others are fitted again."""
     names = [profile.name for profile in profiles]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar, cast
 
 from matplotlib import style
 from matplotlib.figure import Figure
@@ -21,8 +23,22 @@ GREY = "#999999"
 _STYLE = Path(__file__).with_name("spa_fo.mplstyle")
 
 
+Draw = TypeVar("Draw", bound=Callable[..., Figure])
+
+
+def styled(draw: Draw) -> Draw:
+    """Make a function that draws a figure do so in the project's style."""
+
+    @functools.wraps(draw)
+    def draw_in_style(*arguments: object, **options: object) -> Figure:
+        with style.context(_STYLE):
+            return draw(*arguments, **options)
+
+    return cast("Draw", draw_in_style)
+
+
 def new_figure(width_in: float, height_in: float, mosaic: Sequence[Sequence[str]]) -> Figure:
-    """Make a figure in the project's style, its axes named by `mosaic`.
+    """Make a figure with its axes named by `mosaic`; for functions that are `styled`.
 
     Parameters
     ----------
@@ -36,10 +52,9 @@ def new_figure(width_in: float, height_in: float, mosaic: Sequence[Sequence[str]
     matplotlib.figure.Figure
         Without pyplot, so that nothing global is touched.
     """
-    with style.context(_STYLE):
-        figure = Figure(figsize=(width_in, height_in))
-        for label, axes in figure.subplot_mosaic([list(row) for row in mosaic]).items():
-            axes.set_label(label)
+    figure = Figure(figsize=(width_in, height_in))
+    for label, axes in figure.subplot_mosaic([list(row) for row in mosaic]).items():
+        axes.set_label(label)
     return figure
 
 

@@ -1,0 +1,107 @@
+"""Small campaigns for tests: csv logs of a linear actuator with known coefficients."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from spa_fo import simulate
+
+TRUTH = {"alpha2": 1.406, "alpha1": 1.196, "a1": 0.794, "a0": 1.638, "b0": 0.934}
+REFERENCE_KPA = 30.0
+NOISE_DEG = 0.3
+
+
+def write_sums(folder: Path) -> None:
+    """List the bytes of every log in SHA256SUMS."""
+    files = sorted(path for path in folder.rglob("*") if path.suffix in (".csv", ".log"))
+    lines = [
+        f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.relative_to(folder).as_posix()}\n"
+        for path in files
+    ]
+    (folder / "SHA256SUMS").write_text("".join(lines))
+
+
+def write_log(path: Path, command_kpa: np.ndarray, rate_hz: float, seed: int) -> None:
+    """Write one csv log of the linear actuator under a command."""
+    t = np.arange(command_kpa.size) / rate_hz
+    theta = np.degrees(simulate(t, command_kpa / REFERENCE_KPA, **TRUTH, hold="zero"))
+    theta += np.random.default_rng(seed).normal(0.0, NOISE_DEG, t.size)
+    rows = [f"{a:.4f},{u:.2f},{y:.4f}" for a, u, y in zip(t, command_kpa, theta, strict=True)]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("t,command,angle\n" + "\n".join(rows) + "\n")
+
+
+def step_command(kpa: float, rate_hz: float = 25.0, release: bool = True) -> np.ndarray:
+    """One second of rest, ten of pressure, five of release."""
+    seconds = [(1.0, 0.0), (10.0, kpa), *([(5.0, 0.0)] if release else [])]
+    return np.concatenate([np.full(round(s * rate_hz), level) for s, level in seconds])
+
+
+def document(name: str, experiments: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a campaign.yaml for csv logs with the columns t, command, angle."""
+    return {
+        "schema": "spa-fo/campaign/1",
+        "name": name,
+        "material": "test rubber",
+        "provenance": {"kind": "synthetic", "source": "tests/campaigns.py", "note": ""},
+        "log": {
+            "format": "csv",
+            "columns": {
+                "time": {"column": "t", "unit": "s"},
+                "command": {"column": "command", "unit": "kPa"},
+                "angle": {"column": "angle", "unit": "deg"},
+            },
+        },
+        "input": {"reference_kpa": REFERENCE_KPA},
+        "experiments": experiments,
+    }
+
+
+def write_yaml(folder: Path, campaign: dict[str, Any]) -> None:
+    (folder / "campaign.yaml").write_text(yaml.safe_dump(campaign, sort_keys=False))
+
+
+def step_campaign(folder: Path, trials: int = 4) -> dict[str, Any]:
+    """Write a campaign of steps to 30° and 60°; return its campaign.yaml as a document."""
+    gain_deg = math.degrees(TRUTH["b0"] / TRUTH["a0"])
+    experiments = []
+    for place, setpoint in enumerate((30.0, 60.0)):
+        entries = []
+        for trial in range(trials):
+            file = f"step_{setpoint:.0f}/trial_{trial + 1:02d}.csv"
+            command = step_command(REFERENCE_KPA * setpoint / gain_deg)
+            write_log(folder / file, command, 25.0, seed=10 * place + trial)
+            order = 2 * trial + place + 1
+            entries.append({"file": file, "order": order, "started_s": 60.0 * (order - 1)})
+        experiments.append(
+            {
+                "name": f"step_{setpoint:.0f}",
+                "setpoint_deg": setpoint,
+                "protocol": "step_release",
+                "trials": entries,
+            }
+        )
+    campaign = document(folder.name, experiments)
+    write_yaml(folder, campaign)
+    write_sums(folder)
+    return campaign
+
+
+def free_campaign(folder: Path) -> dict[str, Any]:
+    """Write a campaign of one staircase, which has no up-steps to fit."""
+    levels = np.repeat([0.0, 10.0, 20.0, 30.0, 20.0, 0.0], 125)
+    write_log(folder / "stairs" / "trial_01.csv", levels, 25.0, seed=5)
+    entry = {"file": "stairs/trial_01.csv", "order": 1, "started_s": 0.0}
+    campaign = document(
+        folder.name,
+        [{"name": "stairs", "setpoint_deg": None, "protocol": "free", "trials": [entry]}],
+    )
+    write_yaml(folder, campaign)
+    write_sums(folder)
+    return campaign
