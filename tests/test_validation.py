@@ -87,6 +87,10 @@ def test_a_valid_document_passes() -> None:
             {"name": "a", "swarm": {"inertia": float("nan")}},
             "config.yaml: swarm.inertia: is nan; expected a finite number",
         ),
+        (
+            {"name": "a", "swarm": {"particles": 10**400}},
+            f"config.yaml: swarm.particles: is 1{'0' * 36}...; expected a finite number",
+        ),
     ],
 )
 def test_refusals_name_the_key_and_what_was_expected(document: object, message: str) -> None:

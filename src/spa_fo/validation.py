@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-import math
+import sys
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from functools import cache
 from importlib import resources
@@ -80,8 +80,8 @@ def validate(document: Any, schema: Mapping[str, Any], path: Path | str) -> None
         key is answered with the nearest known one. Numbers must be finite.
     """
     for keys, value in _scalars(document):
-        if isinstance(value, float) and not math.isfinite(value):
-            raise BadInput(path, f"is {value}; expected a finite number", key_path(keys))
+        if isinstance(value, int | float) and not abs(value) <= sys.float_info.max:
+            raise BadInput(path, f"is {_shorten(value)}; expected a finite number", key_path(keys))
     validator = jsonschema.Draft202012Validator(schema)
     errors = sorted(validator.iter_errors(document), key=_precedence)
     if errors:
