@@ -1,0 +1,151 @@
+"""The models that the fractional one is held against, fitted to the same step responses.
+
+Ludwick's model (Eq. 5 and 22 of arXiv:2512.18213) with its constants from the literature, where
+only the force scale that the paper does not print is fitted; the same with all four refitted; and
+the linear second-order model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from spa_fo.identify.protocol import StepData
+from spa_fo.plant.ludwick import Ludwick, ludwick_step
+from spa_fo.plant.paper import DAMPING_RATIO, NATURAL_FREQUENCY
+from spa_fo.plant.second_order import second_order_step
+
+Floats = NDArray[np.float64]
+StepFunction = Callable[[Floats, float], Floats]
+"""(times in s, height of the step u) to the angle in rad."""
+
+_STARTING_EXPONENTS = (1.0, 1.7, 2.5)
+_STARTING_FREQUENCIES = (0.3, 1.0, 3.0)
+# Beyond these the parameters say nothing any more; they keep the search from overflow.
+_LOWEST, _HIGHEST = 1e-3, 1e4
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A fitted baseline.
+
+    Attributes
+    ----------
+    name : str
+        For tables and legends.
+    parameters : Mapping[str, float]
+        Values in SI units, angles in rad.
+    fitted : tuple of str
+        Which of them were fitted to these data.
+    step : callable
+        (times in s, height of the step) to the angle in rad.
+    """
+
+    name: str
+    parameters: Mapping[str, float]
+    fitted: tuple[str, ...]
+    step: StepFunction
+
+
+def fit_ludwick_literature(data: StepData, exponent: float) -> Baseline:
+    """Fit the force scale; the exponent as given, damping and frequency from the paper's authors.
+
+    Parameters
+    ----------
+    data : StepData
+        Step responses.
+    exponent : float
+        n + Δn of Ludwick's law.
+    """
+
+    def model(force: float) -> Ludwick:
+        return Ludwick(exponent, DAMPING_RATIO, NATURAL_FREQUENCY, force)
+
+    # The final angle gives a start: F/M u = wn² θ^n.
+    level = np.mean(np.abs(data.angle_rad[:, -1]) ** exponent / np.abs(data.u))
+    (force,) = _fit(
+        data,
+        lambda p: _ludwick(model(float(p[0]))),
+        [np.array([max(NATURAL_FREQUENCY**2 * level, 10 * _LOWEST)])],
+    )
+    return _ludwick_baseline("Ludwick, n from the literature", model(float(force)), ("force",))
+
+
+def fit_ludwick(data: StepData) -> Baseline:
+    """Fit the exponent, the damping ratio, the natural frequency and the force scale."""
+    level = float(np.mean(np.abs(data.angle_rad[:, -1]) / np.abs(data.u)))
+    pace = 10.0 / data.t[-1]
+    starts = [
+        np.array([n, DAMPING_RATIO, f * pace, max((f * pace) ** 2 * level**n, 10 * _LOWEST)])
+        for n in _STARTING_EXPONENTS
+        for f in _STARTING_FREQUENCIES
+    ]
+    best = _fit(data, lambda p: _ludwick(Ludwick(*(float(v) for v in p))), starts)
+    model = Ludwick(*(float(value) for value in best))
+    return _ludwick_baseline("Ludwick, refitted", model, tuple(_parameters(model)))
+
+
+def fit_second_order(data: StepData) -> Baseline:
+    """Fit gain, damping ratio and natural frequency of the linear second-order model."""
+
+    def step_of(p: Floats) -> StepFunction:
+        gain, zeta, omega = (float(value) for value in p)
+        return lambda t, u: u * second_order_step(t, gain, zeta, omega)
+
+    level = float(np.mean(np.abs(data.angle_rad[:, -1]) / np.abs(data.u)))
+    pace = 10.0 / data.t[-1]
+    starts = [
+        np.array([max(level, 10 * _LOWEST), DAMPING_RATIO, f * pace]) for f in _STARTING_FREQUENCIES
+    ]
+    best = _fit(data, step_of, starts)
+    names = ("gain", "damping_ratio", "natural_frequency")
+    parameters = dict(zip(names, best.tolist(), strict=True))
+    return Baseline("linear second order, refitted", parameters, names, step_of(best))
+
+
+def _ludwick(model: Ludwick) -> StepFunction:
+    return lambda t, u: ludwick_step(t, u, model)
+
+
+def _ludwick_baseline(name: str, model: Ludwick, fitted: tuple[str, ...]) -> Baseline:
+    return Baseline(name, _parameters(model), fitted, _ludwick(model))
+
+
+def _parameters(model: Ludwick) -> dict[str, float]:
+    return {
+        "exponent": model.exponent,
+        "damping_ratio": model.damping_ratio,
+        "natural_frequency": model.natural_frequency,
+        "force": model.force,
+    }
+
+
+def _fit(data: StepData, step_of: Callable[[Floats], StepFunction], starts: list[Floats]) -> Floats:
+    """Least squares over all samples in the parameters' logarithms, from several starts.
+
+    Data sets of one height share their curve, so each height's mean stands for them all.
+    """
+    heights, group = np.unique(data.u, return_inverse=True)
+    counts = np.bincount(group)
+    means = np.array([data.angle_rad[group == i].mean(axis=0) for i in range(heights.size)])
+    scale = np.sqrt(counts)[:, np.newaxis]
+
+    def residual(log_p: Floats) -> Floats:
+        step = step_of(np.exp(log_p))
+        curves = np.array([step(data.t, float(u)) for u in heights])
+        return np.nan_to_num(scale * (curves - means), nan=1e3, posinf=1e3, neginf=-1e3).ravel()
+
+    fits = [
+        least_squares(
+            residual,
+            np.log(np.clip(start, 2 * _LOWEST, 0.5 * _HIGHEST)),
+            bounds=(np.log(_LOWEST), np.log(_HIGHEST)),
+        )
+        for start in starts
+    ]
+    best: Floats = np.exp(min(fits, key=lambda fit: float(fit.cost)).x)
+    return best
