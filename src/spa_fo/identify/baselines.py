@@ -137,7 +137,8 @@ def _fit(data: StepData, step_of: Callable[[Floats], StepFunction], starts: list
     def residual(log_p: Floats) -> Floats:
         step = step_of(np.exp(log_p))
         curves = np.array([step(data.t, float(u)) for u in heights])
-        return np.nan_to_num(scale * (curves - means), nan=1e3, posinf=1e3, neginf=-1e3).ravel()
+        errors: Floats = scale * (curves - means)
+        return np.nan_to_num(errors.ravel(), nan=1e3, posinf=1e3, neginf=-1e3)
 
     fits = [
         least_squares(
