@@ -39,6 +39,7 @@ from spa_fo.fractional.step import pole_derivatives, step_gradient, subtract_pol
 _PHI = 0.3866
 _VERTEX = 10.9
 _REACH = 4.22
+_LEAST_RANGE = 20.0
 _STEP_SPACING = 0.24
 _INPUT_SPACING = 0.22
 # Samples of r for the least squares: a decade's worth, and how far beyond the range of lags.
@@ -175,7 +176,8 @@ def _fold(
 ) -> ResponseMap:
     """Fit the weights for lags from `shortest` to `longest`."""
     # A multiple of eight nodes, so that vector loops have no remainder.
-    count = 8 * math.ceil(math.log(_REACH * longest / shortest) / (8.0 * spacing))
+    reach = math.log(_REACH * max(longest / shortest, _LEAST_RANGE))
+    count = 8 * math.ceil(reach / (8.0 * spacing))
     u = (np.arange(count) + 0.5) * spacing
     nodes = _VERTEX / longest * (1.0 + np.sin(1j * u - _PHI))
     decades = math.log10(longest / shortest) + 6.5

@@ -30,8 +30,8 @@ from spa_fo.fractional.intervals import Hold, input_intervals
 from spa_fo.fractional.response_map import phi1
 from spa_fo.fractional.step import inverse_kernel
 
-# Error exp(-25) = 1.4e-11 of the contour integral.
-_LOG_TOLERANCE = 25.0
+# Error exp(-25.5) = 8e-12 of the contour integral.
+_LOG_TOLERANCE = 25.5
 
 
 @njit
