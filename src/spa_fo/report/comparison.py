@@ -14,7 +14,6 @@ from spa_fo.plant import PARAMETERS, paper
 from spa_fo.report.figures import Curve, StepPanel
 from spa_fo.report.tables import Table
 
-
 # Which curves stand in Figs. 4 and 5, in this order; the first that is there of each line.
 _DRAWN = (
     ("swarm", "widened"),
@@ -52,7 +51,7 @@ def parameter_table(materials: Sequence[MaterialComparison], provenance: str) ->
     decimals = dict.fromkeys([*PARAMETERS, "b0/a0", "RMSE of the fit (°)"], ".3f")
     return Table(
         pd.DataFrame(rows),
-        "Table I: identified parameters of the fractional-order model, as printed and as found here",
+        "Table I: identified parameters of the fractional-order model, as printed and found here",
         provenance,
         {**decimals, "datasets": ".0f"},
     )
