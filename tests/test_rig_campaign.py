@@ -156,6 +156,11 @@ CHANGES: list[tuple[str, Callable[[Document], object], str]] = [
         "experiments[0].trials[1].started_s: order 2 starts at -1 s, not after order 1 at 0 s",
     ),
     (
+        "two at a time",
+        lambda d: d["experiments"][0]["trials"][1].update(started_s=0.0),
+        "experiments[0].trials[1].started_s: order 2 starts at 0 s, not after order 1 at 0 s",
+    ),
+    (
         "not finite",
         lambda d: d["experiments"][0]["trials"][1].update(started_s=float("nan")),
         "experiments[0].trials[1].started_s: is nan; expected a finite number",

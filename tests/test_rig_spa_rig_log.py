@@ -184,11 +184,42 @@ def test_one_row_of_wrong_time_does_not_condemn_its_neighbours() -> None:
             assert report.valid == 119
 
 
+def moved(row: bytes, *, seq: int = 0, t_us: int = 0) -> bytes:
+    """The row with its seq and time moved, its checksum made good."""
+    fields = row.split(b"*")[0].decode().split(",")
+    return data_line(int(fields[0]) + seq, int(fields[1]) + t_us, *fields[2:])
+
+
+def test_two_wrong_rows_in_a_row_are_not_believed_either() -> None:
+    for shift in (-1_000_000, 3_000_000):
+        lines = [moved(row, t_us=shift) if i in (60, 61) else row for i, row in enumerate(ROWS)]
+        report = parse(log(lines)).report
+        assert counts(report) == {"implausible time": 2}
+        assert (report.valid, report.pauses, report.resets) == (118, 0, 0)
+
+
+@pytest.mark.parametrize("shift", [-30_000, 30_000])
+def test_a_row_out_of_turn_is_implausible(shift: int) -> None:
+    lines = list(ROWS)
+    lines[60] = moved(lines[60], t_us=shift)
+    assert counts(parse(log(lines)).report) == {"implausible time": 1}
+
+
+def test_a_clock_that_restarts_while_seq_goes_on_is_a_reset() -> None:
+    lines = [*ROWS[:60], *(moved(row, t_us=-1_500_000) for row in ROWS[60:])]
+    report = parse(log(lines)).report
+    assert (report.valid, report.resets_without_banner, report.pauses) == (120, 1, 0)
+
+
+def test_a_resonator_that_drifts_over_a_long_gap_is_no_pause() -> None:
+    lines = [*ROWS[:60], *(moved(row, seq=2000, t_us=2000 * 20_080) for row in ROWS[60:])]
+    report = parse(log(lines)).report
+    assert (report.valid, report.gaps, report.missing_samples) == (120, 1, 2000)
+    assert report.pauses == 0
+
+
 def test_a_real_pause_condemns_nobody() -> None:
-    late = rows(60, seed=4, start_us=1_000_012 + 60 * 20_000 + 3_000_000)
-    late = [
-        data_line(60 + i, *row.split(b"*")[0].decode().split(",")[1:]) for i, row in enumerate(late)
-    ]
+    late = [moved(row, t_us=3_000_000) for row in ROWS[60:]]
     result = parse(log(ROWS[:60] + late))
     assert result.report.valid == 120
     assert result.report.pauses == 1
@@ -198,9 +229,7 @@ def test_a_real_pause_condemns_nobody() -> None:
 
 def test_a_sample_late_by_less_than_a_period_is_kept() -> None:
     lines = list(ROWS)
-    fields = lines[50].split(b"*")[0].decode().split(",")
-    fields[1] = str(int(fields[1]) + 17_000)
-    lines[50] = data_line(*fields)
+    lines[50] = moved(lines[50], t_us=17_000)
     assert parse(log(lines)).report.valid == 120
 
 

@@ -41,8 +41,8 @@ def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None
     """Say how a command contradicts its protocol, or return None.
 
     ``step`` and ``step_release`` must rise exactly once and suddenly (a log may end before the
-    release), ``staircase`` at least twice one way, ``hold`` at most once, ``triangle`` not by
-    jumps; every protocol but ``free`` must command something.
+    release), ``staircase`` at least twice one way, ``triangle`` not by jumps; every protocol but
+    ``free`` must command something.
     """
     if protocol == "free":
         return None
@@ -55,8 +55,6 @@ def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None
         return f"its command rises {rises} times; expected one step"
     if protocol == "staircase" and max(rises, falls) < 2:
         return f"its command rises {rises} times and falls {falls} times; expected several steps"
-    if protocol == "hold" and rises > 1:
-        return f"its command rises {rises} times; expected one level"
     if protocol == "triangle" and np.any(np.abs(changes) > 0.5 * np.ptp(command_kpa)):
         return f"its command jumps by {np.abs(changes).max():g} kPa; expected ramps"
     return None
