@@ -34,14 +34,14 @@ class Target(NamedTuple):
         W_j.
     constant : float
         Part of the sum of squares that no model can remove, rad².
-    count : float
+    samples : float
         Number of samples, the sum of the weights w.
     """
 
     mean: Floats
     weight: Floats
     constant: float
-    count: float
+    samples: float
 
 
 def target_of(data: StepData) -> Target:
@@ -98,7 +98,7 @@ def rmse_at(
         return np.inf
     response_on_map(x, arrays, work, y)
     squares = weighted_squares(y, target.mean, target.weight) + target.constant
-    return float(np.sqrt(squares / target.count))
+    return float(np.sqrt(squares / target.samples))
 
 
 @njit_parallel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,7 @@ from spa_fo.report.style import (
     new_figure,
     styled,
 )
+from spa_fo.rig import Calibration, Drift
 
 Floats = NDArray[np.float64]
 
@@ -157,65 +158,52 @@ def log_figure(panels: Sequence[LogPanel], model_label: str) -> Figure:
     return figure
 
 
-@dataclass(frozen=True)
-class CalibrationView:
-    """A calibration as it is drawn; angles in degrees.
-
-    `counts` and `angles_deg` are a dense curve with its standard uncertainty; `known_deg`,
-    `dwell_counts` and `up` are the dwells; `drifts` maps a later calibration's name to (angles,
-    differences).
-    """
-
-    counts: Floats
-    angles_deg: Floats
-    sigma_deg: Floats
-    known_deg: Floats
-    dwell_counts: Floats
-    dwell_residual_deg: Floats
-    up: NDArray[np.bool_]
-    drifts: Mapping[str, tuple[Floats, Floats]]
-
-
 @styled
-def calibration_figure(view: CalibrationView) -> Figure:
-    """Draw the flex sensor's curve with its dwells, and what hysteresis and drift it shows."""
+def calibration_figure(calibration: Calibration, drifts: Sequence[Drift]) -> Figure:
+    """Draw the flex sensor's curve with its dwells, and what hysteresis and drift it shows.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The earliest: every angle came through it.
+    drifts : sequence of Drift
+        The later ones seen through it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
     figure = new_figure(TWO_COLUMNS_IN, 2.6, [["curve", "difference"]])
     curve, difference = figure.axes
-    curve.plot(view.counts, view.angles_deg, color=BLUE, label="monotone curve")
-    for up, marker, word in ((True, "^", "up"), (False, "v", "down")):
-        chosen = view.up == up
-        curve.plot(
-            view.dwell_counts[chosen],
-            view.known_deg[chosen],
-            color=BLACK,
-            linestyle="none",
-            marker=marker,
-            markersize=3,
-            label=f"dwells {word}",
-        )
-        difference.plot(
-            view.known_deg[chosen],
-            view.dwell_residual_deg[chosen],
-            color=BLACK,
-            linestyle="none",
-            marker=marker,
-            markersize=3,
-            label=f"{word}, curve − known",
-        )
+    counts = np.linspace(calibration.counts[0], calibration.counts[-1], 400)
+    angles = calibration.angle_deg(counts)
+    sigma = calibration.sigma_deg(counts)
+    curve.plot(counts, angles, color=BLUE, linestyle="-", label="monotone curve")
     difference.fill_between(
-        view.angles_deg,
-        -view.sigma_deg,
-        view.sigma_deg,
-        color=SKY,
-        alpha=0.4,
-        linewidth=0,
-        label="1 σ of the curve",
+        angles, -sigma, sigma, color=SKY, alpha=0.4, linewidth=0, label="1 σ of the curve"
     )
-    for (name, (angles, values)), colour in zip(
-        view.drifts.items(), (VERMILION, PURPLE, GREEN), strict=False
-    ):
+    for direction, marker in (("up", "^"), ("down", "v")):
+        dwells = [dwell for dwell in calibration.dwells if dwell.direction == direction]
+        known = np.array([dwell.angle_deg for dwell in dwells])
+        means = np.array([dwell.mean for dwell in dwells])
+        look: dict[str, Any] = {
+            "color": BLACK,
+            "linestyle": "none",
+            "marker": marker,
+            "markersize": 3,
+        }
+        curve.plot(means, known, label=f"dwells {direction}", **look)
+        read = calibration.angle_deg(means) - known
+        difference.plot(known, read, label=f"{direction}: read − known", **look)
+    for drift, colour in zip(drifts, (VERMILION, PURPLE, GREEN, ORANGE), strict=False):
+        hours = (drift.started_s - calibration.started_s) / 3600.0
         difference.plot(
-            angles, values, color=colour, linestyle="--", marker=".", label=f"drift: {name}"
+            drift.angles_deg,
+            drift.drift_deg,
+            color=colour,
+            linestyle="--",
+            marker=".",
+            label=f"drift after {hours:.1f} h",
         )
     curve.set_xlabel("flex count")
     curve.set_ylabel("bending angle (°)")
