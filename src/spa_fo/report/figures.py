@@ -212,7 +212,7 @@ def calibration_figure(calibration: Calibration, drifts: Sequence[Drift]) -> Fig
     difference.set_xlabel("known angle (°)")
     difference.set_ylabel("difference (°)")
     difference.set_title("(b) hysteresis, drift, uncertainty", loc="left")
-    difference.legend()
+    difference.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, columnspacing=1.0)
     return figure
 
 

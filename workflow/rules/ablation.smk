@@ -1,0 +1,16 @@
+rule ablation:
+    """How the fit depends on the number of datasets and points, and on outliers."""
+    input:
+        trials=rules.raw_to_angle.output.trials,
+    output:
+        table=RESULTS / "{material}" / "ablation.csv",
+        verdict=RESULTS / "{material}" / "ablation.json",
+    params:
+        campaign=lambda wildcards: campaign_of(wildcards.material),
+        options=CONFIG["ablation"],
+        seed=CONFIG["seed"],
+        code=code("ablation.py"),
+    log:
+        RESULTS / "logs" / "{material}" / "ablation.log",
+    script:
+        script("ablation.py")

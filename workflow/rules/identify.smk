@@ -1,0 +1,19 @@
+rule identify:
+    """The paper's swarm, the optimum and its uncertainty, the baselines; the model file."""
+    input:
+        trials=rules.raw_to_angle.output.trials,
+    output:
+        model=RESULTS / "{material}" / "model.json",
+        fit=RESULTS / "{material}" / "fit.json",
+        report=RESULTS / "{material}" / "fit_report.txt",
+        comparison=RESULTS / "{material}" / "comparison.json",
+    params:
+        campaign=lambda wildcards: campaign_of(wildcards.material),
+        material=lambda wildcards: CONFIG["materials"][wildcards.material],
+        options=CONFIG["identify"],
+        seed=CONFIG["seed"],
+        code=code("identify.py"),
+    log:
+        RESULTS / "logs" / "{material}" / "identify.log",
+    script:
+        script("identify.py")

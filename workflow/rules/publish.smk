@@ -1,0 +1,42 @@
+rule figures:
+    """Figs. 4 and 5, calibration, whole logs, ablation, identifiability."""
+    input:
+        trials=rules.raw_to_angle.output.trials,
+        model=rules.identify.output.model,
+        fit=rules.identify.output.fit,
+        comparison=rules.identify.output.comparison,
+        ablation=rules.ablation.output.table,
+        ablation_verdict=rules.ablation.output.verdict,
+    output:
+        directory(RESULTS / "{material}" / "figures"),
+    params:
+        campaign=lambda wildcards: campaign_of(wildcards.material),
+        material=lambda wildcards: CONFIG["materials"][wildcards.material],
+        code=code("figures.py"),
+    log:
+        RESULTS / "logs" / "{material}" / "figures.log",
+    script:
+        script("figures.py")
+
+
+rule publish:
+    """The tables (csv, tex, md), the audit of the paper, and the summary to start from."""
+    input:
+        parse_reports=of_each_material("parse_report.md"),
+        fits=of_each_material("fit.json"),
+        reports=of_each_material("fit_report.txt"),
+        comparisons=of_each_material("comparison.json"),
+        ablations=of_each_material("ablation.csv"),
+        ablation_verdicts=of_each_material("ablation.json"),
+        figures=of_each_material("figures"),
+    output:
+        summary=RESULTS / "summary.md",
+        tables=directory(RESULTS / "tables"),
+    params:
+        campaigns=[campaign_of(material) for material in MATERIALS],
+        materials=CONFIG["materials"],
+        code=code("publish.py"),
+    log:
+        RESULTS / "logs" / "publish.log",
+    script:
+        script("publish.py")

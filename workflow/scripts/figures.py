@@ -1,0 +1,26 @@
+"""Every figure of one material; which ones there are depends on what the campaign holds."""
+
+import json
+from pathlib import Path
+
+from spa_fo.edge import workflow_step
+from spa_fo.plant import read_model
+from spa_fo.report.material_figures import MaterialResults, draw_material
+from spa_fo.rig import read_campaign, read_trials
+
+
+def load(path):
+    return json.loads(Path(path).read_text())
+
+
+with workflow_step(snakemake.log[0], snakemake.threads):
+    data = read_trials(read_campaign(snakemake.params.campaign))
+    results = MaterialResults(
+        data=data,
+        model=read_model(snakemake.input.model),
+        fit=load(snakemake.input.fit),
+        comparison=load(snakemake.input.comparison),
+        ablation_csv=Path(snakemake.input.ablation),
+        design=snakemake.params.material.get("paper"),
+    )
+    draw_material(results, Path(snakemake.output[0]))
