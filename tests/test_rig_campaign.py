@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 import yaml
 
@@ -14,6 +15,7 @@ import naive_rig
 from spa_fo.errors import BadInput
 from spa_fo.rig import read_campaign
 from spa_fo.rig.checksums import read_checksums
+from spa_fo.validation import package_schema
 
 Document = dict[str, Any]
 
@@ -60,6 +62,12 @@ def test_a_campaign_is_read(folder: Path) -> None:
     ]
     assert campaign.continues is None
     assert campaign.warnings == ()
+
+
+def test_the_schema_is_one() -> None:
+    jsonschema.Draft202012Validator.check_schema(
+        package_schema("spa_fo.rig", "campaign.schema.yaml")
+    )
 
 
 def test_the_earliest_calibration_comes_first_however_listed(folder: Path) -> None:

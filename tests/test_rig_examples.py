@@ -53,6 +53,25 @@ def test_the_bellow(tmp_path: Path, shared_data: Path) -> None:
         assert trial.angle_deg.min() < -30
 
 
+@pytest.mark.parametrize("name", ["dragon_skin_20", "fx_pro"])
+def test_the_stand_in_campaigns(name: str) -> None:
+    data = read_trials(read_campaign(EXAMPLES.parent / "raw" / name))
+    files = data.report.files
+    for file in files:
+        other = file.duplicates + file.comments + file.banners
+        assert file.valid + file.damaged_lines + other == file.lines
+    assert sum(file.damaged_lines for file in files) > 5
+    assert sum(file.resets for file in files) == 1
+    assert sum(file.wraps for file in files) == 1
+    assert len(data.trials) == 18
+    for trial in data.trials:
+        assert np.isfinite(trial.angle_deg).all()
+        assert np.all(np.diff(trial.t_s) > 0)
+    assert data.calibration is not None
+    assert data.calibration.range_deg == (0.0, 90.0)
+    assert len(data.drifts) == 1
+
+
 def columns(**places: tuple[int | str, str]) -> dict[str, Column]:
     return {role: Column(place, unit) for role, (place, unit) in places.items()}
 

@@ -105,6 +105,12 @@ def test_damage_is_reported_by_file(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("before", [10, 120])
+def test_a_reset_at_any_time_leaves_a_trial_to_read(tmp_path: Path, before: int) -> None:
+    data = read(with_trial(tmp_path, log([*rows(before), naive_rig.BANNER.encode(), *rows(90)])))
+    assert np.count_nonzero(~data.trials[1].after_reset) == before
+
+
 def test_excursions_are_flagged_and_counted(tmp_path: Path) -> None:
     # Undershoot of 5 deg below a calibration from 0 to 90 deg.
     data = read(with_trial(tmp_path, edited({i: {4: 330} for i in range(40, 60)})))
@@ -228,6 +234,15 @@ def test_a_trial_given_as_calibration(tmp_path: Path) -> None:
     )
     text = refused(folder)
     assert text.startswith("small/calibration/post.log: line 1: campaign.yaml says it is a calib")
+
+
+def test_a_calibration_without_counts(tmp_path: Path) -> None:
+    lines = [data_line(i, 20_000 * i, 15 * (i // 20)) for i in range(200)]
+    banner = naive_rig.CALIBRATION_BANNER.replace(",flex_adc", "")
+    folder = naive_rig.write_campaign(
+        tmp_path / "small", files={"calibration/pre.log": log(lines, banner)}
+    )
+    assert "expected seq,t_us,angle_deg,flex_adc" in refused(folder)
 
 
 def test_a_calibration_of_two_angles(tmp_path: Path) -> None:

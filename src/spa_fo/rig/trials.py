@@ -197,7 +197,7 @@ def _read_calibration(campaign: Campaign, item: CalibrationFile) -> tuple[Calibr
         )
     else:
         log = read_spa_rig_log(item.path, item.file)
-        if "angle_deg" not in log.columns or "cmd_kpa" in log.columns:
+        if not {"angle_deg", "flex_adc"} <= set(log.columns) or "cmd_kpa" in log.columns:
             raise BadInput(
                 item.path,
                 f"{campaign.yaml.name} says it is a calibration, but its columns are "
@@ -312,10 +312,9 @@ def _dropouts(counts: Floats) -> Bools:
 def _check_protocol(
     campaign: Campaign, experiment: Experiment, samples: _Samples, file: TrialFile
 ) -> None:
-    if samples.command_kpa is None:
-        return
-    first = ~samples.after_reset  # after a reset the board may begin its protocol again
-    lie = contradiction(experiment.protocol, samples.t_s[first], samples.command_kpa[first])
+    if samples.command_kpa is None or samples.after_reset.any():
+        return  # a reset may have cut the protocol short, or begun it again
+    lie = contradiction(experiment.protocol, samples.t_s, samples.command_kpa)
     if lie is not None:
         raise BadInput(
             file.path,
@@ -332,10 +331,12 @@ def _check_levels(campaign: Campaign, trials: Sequence[Trial]) -> None:
         found = [
             (file, float(trial.command_kpa.max()))
             for trial, (_, _, file) in zip(trials, campaign.trial_files(), strict=True)
-            if trial.experiment == experiment.name and trial.command_kpa is not None
+            if trial.experiment == experiment.name
+            and trial.command_kpa is not None
+            and trial.command_kpa.max() > 0.0
         ]
         levels = np.array([level for _, level in found])
-        if levels.size < 2 or levels.min() <= 0.0:
+        if levels.size < 2:
             continue
         odd = odd_level(levels)
         if odd is not None:
