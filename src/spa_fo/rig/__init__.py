@@ -13,7 +13,8 @@ from spa_fo.rig.campaign import (
     read_campaign,
 )
 from spa_fo.rig.parse_report import Damage, FileReport, ParseReport
-from spa_fo.rig.trials import CampaignData, Trial, load_trials, read_trials, write_trials
+from spa_fo.rig.trial_table import load_trials, write_trials
+from spa_fo.rig.trials import CampaignData, Trial, read_trials
 
 __all__ = [
     "Calibration",
