@@ -101,6 +101,10 @@ def test_an_unknown_key_is_told_before_the_key_it_was_meant_to_be() -> None:
     assert "did you mean 'swarm'" in refused({"name": "a", "swam": {}})
 
 
+def test_a_whole_number_has_no_point() -> None:
+    assert "is 3.0; expected a whole number" in refused({"name": "a", "swarm": {"particles": 3.0}})
+
+
 def test_a_true_is_no_number() -> None:
     assert "expected a whole number" in refused({"name": "a", "swarm": {"particles": True}})
 

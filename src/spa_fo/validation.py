@@ -82,8 +82,7 @@ def validate(document: Any, schema: Mapping[str, Any], path: Path | str) -> None
     for keys, value in _scalars(document):
         if isinstance(value, int | float) and not abs(value) <= sys.float_info.max:
             raise BadInput(path, f"is {_shorten(value)}; expected a finite number", key_path(keys))
-    validator = jsonschema.Draft202012Validator(schema)
-    errors = sorted(validator.iter_errors(document), key=_precedence)
+    errors = sorted(_Validator(schema).iter_errors(document), key=_precedence)
     if errors:
         error = errors[0]
         keys, message = _explain(error)
@@ -105,6 +104,15 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     if near:
         return f"; did you mean '{near[0]}'?"
     return f"; expected one of: {', '.join(known)}" if known else ""
+
+
+# JSON takes 3.0 for a whole number; an index or a count is written 3.
+_Validator = jsonschema.validators.extend(  # type: ignore[no-untyped-call]
+    jsonschema.Draft202012Validator,
+    type_checker=jsonschema.Draft202012Validator.TYPE_CHECKER.redefine(
+        "integer", lambda _, value: isinstance(value, int) and not isinstance(value, bool)
+    ),
+)
 
 
 class _StrictLoader(yaml.SafeLoader):
