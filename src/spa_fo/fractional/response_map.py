@@ -44,7 +44,8 @@ _STEP_SPACING = 0.24
 _INPUT_SPACING = 0.22
 # Samples of r for the least squares: a decade's worth, and how far beyond the range of lags.
 _RATES_PER_DECADE = 24
-_BLOCK = 4096
+_BLOCK = 512
+_DAMPING = 1e-14
 
 _RECIPROCALS = tuple(1.0 / (k + 1.0) for k in range(15))  # of k + 1
 
@@ -185,11 +186,8 @@ def _fold(
     rates = np.append(0.0, np.geomspace(1e-3 / longest, 3e3 / shortest, samples - 1))
     # Unknowns are the weights over s_k: the transform grows like 1/s, so they are of order one.
     modes = nodes / (nodes + rates[:, np.newaxis])
-    left, singular, right = np.linalg.svd(np.hstack([modes.real, -modes.imag]), full_matrices=False)
-    inverse = np.where(singular > 1e-14 * singular[0], 1.0 / singular, 0.0)
-    # Kept as two factors: the product would lose every digit to the small singular values.
-    project = np.ascontiguousarray(left)
-    expand = inverse[:, np.newaxis] * right
+    columns = np.hstack([modes.real, -modes.imag]).T
+    project, upper = _orthogonalise(np.ascontiguousarray(columns))
     weights = np.empty((count, dt.size), dtype=np.complex128)
     state = np.zeros(rates.size)
     for start in range(0, dt.size, _BLOCK):
@@ -197,10 +195,10 @@ def _fold(
         targets = np.empty((dt[block].size, rates.size))
         _mode_responses(rates, dt[block], jump[block], ramp[block], state, targets)
         components = np.zeros((targets.shape[0], project.shape[1]))
-        halves = np.zeros((targets.shape[0], 2 * count))
         _add_product(targets, project, components)
-        _add_product(components, expand, halves)
-        weights[:, block] = ((halves[:, :count] + 1j * halves[:, count:]) * nodes).T
+        halves = components.T.copy()
+        _solve_upper(upper, halves)
+        weights[:, block] = (halves[:count] + 1j * halves[count:]) * nodes[:, np.newaxis]
     # Until the first interval that is not empty the states are 0 whatever the length.
     used = dt[np.flatnonzero(dt)[0] :]
     equal = np.ptp(used) < 8.0 * np.finfo(float).eps * longest
@@ -240,6 +238,62 @@ def _mode_responses(
             mean = (1.0 - decay) / z if z > 1e-3 else series
             state[i] = decay * (state[i] + jump[j]) + ramp[j] * mean
             out[j, i] = state[i]
+
+
+@njit
+def _orthogonalise(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """QR decomposition by Gram-Schmidt, every column orthogonalised twice.
+
+    Of the matrix with the given columns on top of 1e-14 times the identity, which bounds the
+    least-squares solution where the columns are nearly dependent. Serial like `_add_product`,
+    and for the same reason.
+
+    Returns
+    -------
+    project : ndarray, shape (rows, columns)
+        The upper rows of Q.
+    upper : ndarray, shape (columns, columns)
+        R.
+    """
+    n, rows = columns.shape
+    basis = np.zeros((n, rows + n))
+    upper = np.zeros((n, n))
+    for k in range(n):
+        column = basis[k]
+        column[:rows] = columns[k]
+        column[rows + k] = _DAMPING
+        for _ in range(2):
+            for i in range(k):
+                other = basis[i]
+                s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+                for j in range(0, rows + n, 4):
+                    s0 += other[j] * column[j]
+                    s1 += other[j + 1] * column[j + 1]
+                    s2 += other[j + 2] * column[j + 2]
+                    s3 += other[j + 3] * column[j + 3]
+                part = (s0 + s1) + (s2 + s3)
+                upper[i, k] += part
+                for j in range(rows + n):
+                    column[j] -= part * other[j]
+        norm = math.sqrt(np.sum(column * column))
+        upper[k, k] = norm
+        column /= norm
+    return basis[:, :rows].T.copy(), upper
+
+
+@njit
+def _solve_upper(upper: np.ndarray, right: np.ndarray) -> None:
+    """Replace the right-hand sides, side by side, by the solutions of R x = b."""
+    for k in range(upper.shape[0] - 1, -1, -1):
+        solution = right[k]
+        scale = 1.0 / upper[k, k]
+        for j in range(solution.size):
+            solution[j] *= scale
+        for i in range(k):
+            row = right[i]
+            factor = upper[i, k]
+            for j in range(row.size):
+                row[j] -= factor * solution[j]
 
 
 @njit
