@@ -5,12 +5,14 @@ rule ablation:
     output:
         table=RESULTS / "{material}" / "ablation.csv",
         verdict=RESULTS / "{material}" / "ablation.json",
+    log:
+        RESULTS / "logs" / "{material}" / "ablation.log",
+    conda:
+        "../envs/spa-fo.yaml"
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         options=CONFIG["ablation"],
         seed=CONFIG["seed"],
         code=code("ablation.py"),
-    log:
-        RESULTS / "logs" / "{material}" / "ablation.log",
     script:
-        script("ablation.py")
+        "../scripts/ablation.py"

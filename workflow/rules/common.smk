@@ -8,7 +8,9 @@ SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
 
 with bad_input_exits():
     CONFIG = read_config(
-        config, "config.yaml", Path(workflow.basedir) / "workflow/schemas/config.schema.yaml"
+        config,
+        "config.yaml",
+        Path(workflow.basedir) / "workflow/schemas/config.schema.yaml",
     )
 
 RAW = Path(CONFIG["raw"])
@@ -29,11 +31,6 @@ def raw_files(wildcards):
     """Every file of the material's campaign, so that an edit of any of them is seen."""
     folder = campaign_of(wildcards.material)
     return sorted(path for path in folder.rglob("*") if path.is_file())
-
-
-def script(name):
-    """A script's path, for `script:`."""
-    return str(SCRIPTS / name)
 
 
 def code(name):

@@ -7,13 +7,15 @@ rule identify:
         fit=RESULTS / "{material}" / "fit.json",
         report=RESULTS / "{material}" / "fit_report.txt",
         comparison=RESULTS / "{material}" / "comparison.json",
+    log:
+        RESULTS / "logs" / "{material}" / "identify.log",
+    conda:
+        "../envs/spa-fo.yaml"
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         material=lambda wildcards: CONFIG["materials"][wildcards.material],
         options=CONFIG["identify"],
         seed=CONFIG["seed"],
         code=code("identify.py"),
-    log:
-        RESULTS / "logs" / "{material}" / "identify.log",
     script:
-        script("identify.py")
+        "../scripts/identify.py"

@@ -9,14 +9,16 @@ rule figures:
         ablation_verdict=rules.ablation.output.verdict,
     output:
         directory(RESULTS / "{material}" / "figures"),
+    log:
+        RESULTS / "logs" / "{material}" / "figures.log",
+    conda:
+        "../envs/spa-fo.yaml"
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         material=lambda wildcards: CONFIG["materials"][wildcards.material],
         code=code("figures.py"),
-    log:
-        RESULTS / "logs" / "{material}" / "figures.log",
     script:
-        script("figures.py")
+        "../scripts/figures.py"
 
 
 rule publish:
@@ -32,11 +34,13 @@ rule publish:
     output:
         summary=RESULTS / "summary.md",
         tables=directory(RESULTS / "tables"),
+    log:
+        RESULTS / "logs" / "publish.log",
+    conda:
+        "../envs/spa-fo.yaml"
     params:
         campaigns=[campaign_of(material) for material in MATERIALS],
         materials=CONFIG["materials"],
         code=code("publish.py"),
-    log:
-        RESULTS / "logs" / "publish.log",
     script:
-        script("publish.py")
+        "../scripts/publish.py"

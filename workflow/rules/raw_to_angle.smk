@@ -6,10 +6,12 @@ rule raw_to_angle:
         trials=RESULTS / "{material}" / "trials.csv",
         report=RESULTS / "{material}" / "parse_report.md",
         calibration=RESULTS / "{material}" / "calibration.json",
+    log:
+        RESULTS / "logs" / "{material}" / "raw_to_angle.log",
+    conda:
+        "../envs/spa-fo.yaml"
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         code=code("raw_to_angle.py"),
-    log:
-        RESULTS / "logs" / "{material}" / "raw_to_angle.log",
     script:
-        script("raw_to_angle.py")
+        "../scripts/raw_to_angle.py"
