@@ -88,7 +88,7 @@ class ResponseMap:
 
     def work(self) -> Array:
         """Return scratch space for the kernels, one for each thread."""
-        return np.empty((16, self.arrays.real.size))
+        return np.empty((10, self.arrays.real.size))
 
     def response(self, x: ArrayLike) -> Array:
         """Return the response for x = (alpha2, alpha1, a1, a0, b0), shape (n,).
@@ -187,7 +187,8 @@ def _fold(
     # Unknowns are the weights over s_k: the transform grows like 1/s, so they are of order one.
     modes = nodes / (nodes + rates[:, np.newaxis])
     columns = np.hstack([modes.real, -modes.imag]).T
-    project, upper = _orthogonalise(np.ascontiguousarray(columns))
+    basis, upper = _orthogonalise(np.ascontiguousarray(columns))
+    project = np.ascontiguousarray(basis[:, : rates.size].T)
     weights = np.empty((count, dt.size), dtype=np.complex128)
     state = np.zeros(rates.size)
     for start in range(0, dt.size, _BLOCK):
@@ -250,8 +251,8 @@ def _orthogonalise(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     Returns
     -------
-    project : ndarray, shape (rows, columns)
-        The upper rows of Q.
+    basis : ndarray, shape (columns, rows + columns)
+        Q^T.
     upper : ndarray, shape (columns, columns)
         R.
     """
@@ -260,7 +261,8 @@ def _orthogonalise(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     upper = np.zeros((n, n))
     for k in range(n):
         column = basis[k]
-        column[:rows] = columns[k]
+        for j in range(rows):
+            column[j] = columns[k, j]
         column[rows + k] = _DAMPING
         for _ in range(2):
             for i in range(k):
@@ -275,10 +277,14 @@ def _orthogonalise(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
                 upper[i, k] += part
                 for j in range(rows + n):
                     column[j] -= part * other[j]
-        norm = math.sqrt(np.sum(column * column))
+        square = 0.0
+        for j in range(rows + n):
+            square += column[j] * column[j]
+        norm = math.sqrt(square)
         upper[k, k] = norm
-        column /= norm
-    return basis[:, :rows].T.copy(), upper
+        for j in range(rows + n):
+            column[j] /= norm
+    return basis, upper
 
 
 @njit
