@@ -10,12 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import campaigns
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
+import campaigns
 from spa_fo.cli import main
 
 RIG_BANNER = (
