@@ -73,12 +73,15 @@ def inverse_kernel(
             out[j] = 0.0
             continue
         log_t = math.log(t[j])
-        scale2 = math.exp(alpha2 * log_t)
-        scale1 = math.exp((alpha2 - alpha1) * log_t)
-        constant = a0 * scale2
-        scale = math.exp((alpha2 - power - 1.0) * log_t)
+        # D(c/t) t^(α2 or 0): the factor keeps every term bounded at either end.
+        lift = alpha2 * min(log_t, 0.0)
+        scale2 = math.exp(lift - alpha2 * log_t)
+        scale1 = math.exp(lift - alpha1 * log_t)
+        constant = a0 * math.exp(lift)
+        scale = math.exp(lift - (power + 1.0) * log_t)
         total = 0.0
-        if has_pole and modulus * t[j] > 1.0:
+        # Beyond 1e100 the mode has died out, or a double cannot hold its phase.
+        if has_pole and 1.0 < modulus * t[j] < 1e100:
             pole = p * t[j]
             near = (reach * t[j]) ** 2
             part = 0.0
@@ -86,7 +89,7 @@ def inverse_kernel(
                 gap = NODES[k] - pole
                 conjugate = NODES[k] - pole.conjugate()
                 if gap.real * gap.real + gap.imag * gap.imag > near:
-                    value = over(weights[k], powers2[k] + scale1 * powers1[k] + constant)
+                    value = over(weights[k], scale2 * powers2[k] + scale1 * powers1[k] + constant)
                     total += value.real
                     pair = over(residue, gap) + over(residue.conjugate(), conjugate)
                     part += (WEIGHTS[k] * pair).real
@@ -98,7 +101,7 @@ def inverse_kernel(
             out[j] = scale * total - part + 2.0 * (residue * cexp(pole)).real
         else:
             for k in range(_N):
-                value = over(weights[k], powers2[k] + scale1 * powers1[k] + constant)
+                value = over(weights[k], scale2 * powers2[k] + scale1 * powers1[k] + constant)
                 total += value.real
             out[j] = scale * total
 
@@ -138,6 +141,8 @@ def _jacobian_points(
         if t[j] == 0.0:
             continue
         log_t = math.log(t[j])
+        if alpha2 * log_t < -230.0:
+            continue  # t^α2 < 1e-100
         scale2 = math.exp(-alpha2 * log_t)
         scale1 = math.exp(-alpha1 * log_t)
         subtract = has_pole and modulus * t[j] > 1.0
