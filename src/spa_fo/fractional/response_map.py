@@ -66,7 +66,7 @@ class MapArrays(NamedTuple):
     has_ramp: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ResponseMap:
     """Response to one fixed input at fixed times, for any parameters.
 

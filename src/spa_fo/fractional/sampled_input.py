@@ -207,12 +207,13 @@ def _advance(
     decay_real, decay_imag = decay[0], decay[1]
     gain_real, gain_imag = gain[0], gain[1]
     state_real, state_imag, part = state[0], state[1], state[2]
+    value_real, value_imag = value[0], value[1]
     count = part.size
     for j in range(ramp.size):
         if jump[j] != 0.0:
             for k in range(count):
-                state_real[k] += jump[j] * value[0, k]
-                state_imag[k] += jump[j] * value[1, k]
+                state_real[k] += jump[j] * value_real[k]
+                state_imag[k] += jump[j] * value_imag[k]
         rise = ramp[j]
         for k in range(count):
             real = decay_real[k] * state_real[k] - decay_imag[k] * state_imag[k]
