@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -97,13 +97,15 @@ def step_data(
     reference_kpa: float,
     points: int = POINTS,
     source: Path | str = "campaign",
+    files: Mapping[tuple[str, int], Path] | None = None,
 ) -> StepData:
     """Take the up-steps of all step trials.
 
     The window of a trial runs from the first rise of its command to the next change or the end.
     The angle is interpolated linearly between valid samples; those after a reset of the board,
     whose time is an estimate, are not used. Where a trial's command starts above zero the step is
-    its rise. All windows are cut to the shortest.
+    its rise. All windows are cut to the shortest. A trial that lost most of its window to a gap
+    or a reset is left out, and so is one much shorter than the others.
 
     Parameters
     ----------
@@ -115,6 +117,8 @@ def step_data(
         Points taken of each response.
     source : Path or str
         Named in messages.
+    files : mapping, optional
+        From (experiment, 1-based trial) to the log's path, for messages.
 
     Returns
     -------
@@ -123,7 +127,8 @@ def step_data(
     Raises
     ------
     BadInput
-        There is no step trial, or an experiment is left without a usable one.
+        There is no step trial; a trial has no step, too few samples in it, or most of them
+        outside the calibration; or an experiment is left without a usable trial.
     """
     if points < 2:
         raise ValueError(f"expected at least 2 points, not {points}")
@@ -132,7 +137,7 @@ def step_data(
         raise BadInput(source, "expected a step or step_release experiment with a command")
     windows, left_out = [], []
     for trial in steps:
-        window = _window(trial)
+        window = _window(trial, (files or {}).get((trial.experiment, trial.trial), source))
         if isinstance(window, str):
             left_out.append(f"{trial.label}: {window}")
         else:
@@ -198,22 +203,31 @@ class _Window:
         return float(self.t[-1])
 
 
-def _window(trial: Trial) -> _Window | str:
-    """Cut the first up-step out of a trial, or say why it cannot be used."""
+def _window(trial: Trial, source: Path | str) -> _Window | str:
+    """Cut the first up-step out of a trial, or say why it is left out."""
     command = trial.command_kpa
     assert command is not None
     tolerance = _CHANGE * float(np.ptp(command))
     risen = np.flatnonzero(command > command[0] + tolerance)
     if tolerance == 0.0 or risen.size == 0:
-        return "its command never rises"
+        raise BadInput(source, "expected a step, but the command never rises", trial.label)
     first = int(risen[0])
     after = np.flatnonzero(np.abs(command[first:] - command[first]) > tolerance)
     last = first + int(after[0]) if after.size else command.size
     used = slice(first, last)
     valid = ~trial.after_reset[used]
+    if last - first < _MIN_SAMPLES:
+        raise BadInput(
+            source,
+            f"expected at least {_MIN_SAMPLES} samples from the rise of the command to its next "
+            f"change, found {last - first}",
+            trial.label,
+        )
+    if np.mean(trial.outside_calibration[used]) > _MOST:
+        raise BadInput(source, "angle outside calibration for most of the step", trial.label)
     t = trial.t_s[used][valid] - trial.t_s[first]
     if t.size < _MIN_SAMPLES:
-        return f"{t.size} samples between two changes of the command, expected {_MIN_SAMPLES}"
+        return f"the board was reset {trial.t_s[used][~valid][0] - trial.t_s[first]:.3g} s into it"
     longest = float(np.diff(t, prepend=0.0).max())
     if longest > _MOST * t[-1]:
         return f"a gap of {longest:.3g} s in a step of {t[-1]:.3g} s"

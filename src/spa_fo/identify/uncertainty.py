@@ -91,6 +91,12 @@ class Profile:
     open_high: bool
     determined: bool
 
+    @property
+    def likely_change_deg(self) -> float:
+        """Largest change of the refitted curve while the value stays within its 95 % interval."""
+        within = (self.values >= self.low_95) & (self.values <= self.high_95)
+        return float(np.max(self.curve_change_deg[within]))
+
 
 @dataclass(frozen=True)
 class Bootstrap:
@@ -145,6 +151,11 @@ class Uncertainty:
     def freest(self) -> Profile:
         """The parameter that changes the refitted curve least, held anywhere in its bounds."""
         return min(self.profiles[:-1], key=lambda p: float(np.max(p.curve_change_deg)))
+
+    @property
+    def widest(self) -> Profile:
+        """The parameter whose 95 % interval is widest beside its value."""
+        return max(self.profiles[:-1], key=lambda p: (p.high_95 - p.low_95) / abs(p.estimate))
 
     def profile(self, name: str) -> Profile:
         """Return the profile of one of `QUANTITIES`."""

@@ -1,0 +1,157 @@
+"""The fit report: everything one asks of a fit, on one screen."""
+
+from __future__ import annotations
+
+import html
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from spa_fo.identify.uncertainty import QUANTITIES, Profile, Uncertainty
+from spa_fo.plant import PARAMETERS
+
+if TYPE_CHECKING:
+    from spa_fo.identify.result import FitResult
+
+STRONG = 0.9
+"""Correlations at least this large are listed."""
+_UNITS = {"K": "rad per unit u"}
+_WIDTH = 96
+
+
+def fit_report(result: FitResult) -> str:
+    """Return the report as text, at most 96 columns wide."""
+    lines = [*_head(result), "", *_parameter_lines(result), "", *_error_lines(result)]
+    strong = strong_correlations(result.uncertainty) if result.uncertainty else []
+    if strong:
+        pairs = [f"{a} {b} {value:+.4f}" for a, b, value in strong]
+        lines += ["", *_wrapped(f"correlations above {STRONG}: ", pairs, ", ")]
+    if result.warnings:
+        lines += ["", *(line for text in result.warnings for line in _wrapped("! ", [text], " "))]
+    return "\n".join(lines)
+
+
+def strong_correlations(assessed: Uncertainty) -> list[tuple[str, str, float]]:
+    """List pairs of parameters correlated above `STRONG`, the strongest first."""
+    matrix = assessed.covariance.correlation
+    pairs = [
+        (PARAMETERS[i], PARAMETERS[j], float(matrix[i, j]))
+        for i, j in combinations(range(5), 2)
+        if abs(matrix[i, j]) > STRONG
+    ]
+    return sorted(pairs, key=lambda pair: -abs(pair[2]))
+
+
+def fit_report_html(result: FitResult) -> str:
+    """Return the report for a notebook."""
+    rows = "".join(
+        f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>"
+        for row in _rows(result)
+    )
+    heads = "".join(f"<th>{html.escape(cell)}</th>" for cell in _COLUMNS)
+    notes = "".join(f"<li>{html.escape(text)}</li>" for text in result.warnings)
+    facts = "<br>".join(html.escape(line) for line in [*_head(result), *_error_lines(result)])
+    return (
+        f"<p>{facts}</p><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+        f"<ul>{notes}</ul>"
+    )
+
+
+_COLUMNS = ("parameter", "value", "± error", "95 % profile", "95 % bootstrap", "determined", "")
+
+
+def _head(result: FitResult) -> list[str]:
+    model, optimum = result.model, result.optimum
+    kind = result.provenance
+    lines = [
+        f"{model.material}: {model.campaign} ({kind})   "
+        f"G(s) = b0/(s^alpha2 + a1 s^alpha1 + a0), u = {model.signal}/{model.reference_kpa:g} kPa",
+        f"fitted on {result.fitted_on}: {result.datasets} logs, {result.samples} samples   "
+        f"rms {np.degrees(optimum.rmse):.3f}°   valid {'yes' if optimum.valid else 'NO'}   "
+        f"{optimum.evaluations} evaluations   bounds {optimum.bounds.name}",
+    ]
+    assessed = result.uncertainty
+    if assessed is not None:
+        lines.append(
+            f"χ²/dof {assessed.chi2:.0f}/{assessed.dof} = {assessed.chi2 / assessed.dof:.2f}   "
+            f"trials' scatter {np.degrees(assessed.noise.total):.3f}° (sample to sample "
+            f"{np.degrees(assessed.noise.white):.3f}°, between trials "
+            f"{np.degrees(assessed.noise.between):.3f}°)"
+        )
+        lines.append(
+            f"Fisher condition number {assessed.covariance.condition_number:.1e}   "
+            f"one sample in {assessed.noise.design_effect:.0f} counts as independent   "
+            f"errors scaled by {assessed.scale:.2f}"
+        )
+    return lines
+
+
+def _parameter_lines(result: FitResult) -> list[str]:
+    table = [list(_COLUMNS), *_rows(result)]
+    widths = [max(len(row[i]) for row in table) for i in range(len(_COLUMNS))]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if i in (0, len(widths) - 1) else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in table
+    ]
+    return [lines[0], "─" * max(map(len, lines)), *lines[1:]]
+
+
+def _rows(result: FitResult) -> list[list[str]]:
+    values = [*result.optimum.x, result.gain]
+    marks = dict(mark.split() for mark in result.optimum.at_bounds)
+    assessed = result.uncertainty
+    rows = []
+    for i, (name, value) in enumerate(zip(QUANTITIES, values, strict=True)):
+        at_bound = f"at {marks[name]} bound" if name in marks else ""
+        note = at_bound or _UNITS.get(name, "")
+        if assessed is None:
+            rows.append([name, f"{value:.4f}", "", "", "", "", note])
+            continue
+        error = assessed.covariance.standard_error[i]
+        profile, b = assessed.profiles[i], assessed.bootstrap
+        rows.append(
+            [
+                name,
+                f"{value:.4f}",
+                "" if np.isnan(error) else f"± {error:.2g}",
+                _interval(profile),
+                "" if b is None else f"{b.low[i]:.3g} .. {b.high[i]:.3g}",
+                "yes" if profile.determined else "no",
+                note,
+            ]
+        )
+    return rows
+
+
+def _interval(profile: Profile) -> str:
+    """Write an interval; an open end is marked, since there the bound ended it."""
+    low = f"(open) {profile.low_95:.3g}" if profile.open_low else f"{profile.low_95:.3g}"
+    high = f"{profile.high_95:.3g} (open)" if profile.open_high else f"{profile.high_95:.3g}"
+    return f"{low} .. {high}"
+
+
+def _error_lines(result: FitResult) -> list[str]:
+    return [
+        f"{error.experiment}: {error.rms_deg:.2f}° ({error.percent:.2f} %) "
+        + (
+            f"against the mean of {error.trials} trials, {error.each_trial_deg:.2f}° against each"
+            if result.uncertainty is not None
+            else f"over {error.trials} logs"
+        )
+        for error in result.errors
+    ]
+
+
+def _wrapped(lead: str, words: list[str], joint: str) -> list[str]:
+    """Break a text after spaces so that no line passes the width; later lines are indented."""
+    lines, line = [], lead
+    for word in (lead + joint.join(words))[len(lead) :].split(" "):
+        if len(line) + len(word) > _WIDTH and line.strip():
+            lines.append(line.rstrip())
+            line = "  "
+        line += word + " "
+    return [*lines, line.rstrip()]

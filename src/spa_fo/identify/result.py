@@ -1,0 +1,376 @@
+"""One call from a campaign's trials to a model with its uncertainty and report."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.fractional import simulate, step_map
+from spa_fo.identify.polish import Optimum, fit_optimum
+from spa_fo.identify.protocol import StepData, is_step, step_data
+from spa_fo.identify.uncertainty import QUANTITIES, Uncertainty, assess
+from spa_fo.identify.whole_log import LogData, fit_whole_logs, input_of, log_data
+from spa_fo.plant import PARAMETERS, Model
+from spa_fo.plant.paper import POINTS
+from spa_fo.rig import CampaignData, Trial
+
+Floats = NDArray[np.float64]
+
+ON_STEPS = "up-steps"
+ON_WHOLE_LOGS = "whole logs"
+
+
+@dataclass(frozen=True)
+class ExperimentError:
+    """How well the model meets one experiment.
+
+    Attributes
+    ----------
+    experiment : str
+    setpoint_deg : float or None
+    trials : int
+    rms_deg, percent : float
+        Against the mean response on up-steps, as in the paper, in degrees and per cent of the
+        setpoint (of the largest mean angle where there is none); against every sample on whole
+        logs.
+    each_trial_deg : float
+        Against the trials one by one.
+    """
+
+    experiment: str
+    setpoint_deg: float | None
+    trials: int
+    rms_deg: float
+    percent: float
+    each_trial_deg: float
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A campaign's identification.
+
+    Attributes
+    ----------
+    model : Model
+        For `write_model`.
+    fitted_on : str
+        `ON_STEPS` or `ON_WHOLE_LOGS`.
+    provenance : str
+        "measured" or "synthetic".
+    optimum : Optimum
+        The least squares.
+    errors : tuple of ExperimentError
+    datasets, samples : int
+        Responses and samples the fit rests on.
+    uncertainty : Uncertainty or None
+        None for whole logs.
+    left_out : tuple of str
+        Trials not used, and why.
+    data : StepData or None
+        The step responses; None for whole logs.
+    """
+
+    model: Model
+    fitted_on: str
+    provenance: str
+    optimum: Optimum
+    errors: tuple[ExperimentError, ...]
+    datasets: int
+    samples: int
+    uncertainty: Uncertainty | None
+    left_out: tuple[str, ...]
+    data: StepData | None = None
+
+    @property
+    def gain(self) -> float:
+        """Static gain K, rad for u = 1."""
+        return self.model.transfer_function.gain
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of the parameters must know, in words."""
+        return tuple(_warnings(self))
+
+    def report(self) -> str:
+        """Return the fit report: one screen of text."""
+        from spa_fo.identify.fit_report import fit_report
+
+        return fit_report(self)
+
+    def _repr_html_(self) -> str:
+        from spa_fo.identify.fit_report import fit_report_html
+
+        return fit_report_html(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON; NaN and infinity become None."""
+        document = {
+            "model": self.model.to_dict(),
+            "fitted_on": self.fitted_on,
+            "provenance": self.provenance,
+            "gain_rad": self.gain,
+            "rmse_deg": float(np.degrees(self.optimum.rmse)),
+            "bounds": {
+                "name": self.optimum.bounds.name,
+                "lower": dict(zip(PARAMETERS, self.optimum.bounds.lower, strict=True)),
+                "upper": dict(zip(PARAMETERS, self.optimum.bounds.upper, strict=True)),
+            },
+            "at_bounds": self.optimum.at_bounds,
+            "valid": self.optimum.valid,
+            "evaluations": self.optimum.evaluations,
+            "datasets": self.datasets,
+            "samples": self.samples,
+            "errors": [asdict(error) for error in self.errors],
+            "uncertainty": None if self.uncertainty is None else _uncertainty(self.uncertainty),
+            "left_out": self.left_out,
+            "warnings": self.warnings,
+        }
+        plain: dict[str, Any] = _plain(document)
+        return plain
+
+
+def fit_campaign(
+    data: CampaignData,
+    *,
+    seed: int = 1,
+    whole_logs: bool = False,
+    signal: str = "command",
+    points: int = POINTS,
+    bootstrap: int = 400,
+) -> FitResult:
+    """Identify a campaign's model: the optimum in free bounds.
+
+    On the up-steps of its step experiments; on whole logs where it has none, or where
+    `whole_logs` says so, or the input is to be the measured pressure.
+
+    Parameters
+    ----------
+    data : CampaignData
+        As read by `rig.read_trials`.
+    seed : int
+        Of every random number.
+    whole_logs : bool
+        Fit whole logs even where there are up-steps.
+    signal : {"command", "pressure"}
+        Which pressure drives the model.
+    points : int
+        Points taken of each step response.
+    bootstrap : int
+        Resamples of the trial bootstrap.
+
+    Raises
+    ------
+    BadInput
+        The campaign holds nothing to fit; see `step_data` and `log_data`.
+    """
+    has_steps = any(is_step(trial) for trial in data.trials)
+    if has_steps and not whole_logs and signal == "command":
+        return _fit_steps(data, seed, points, bootstrap)
+    return _fit_logs(data, signal)
+
+
+def campaign_steps(data: CampaignData, points: int = POINTS) -> StepData:
+    """Return all up-steps of a campaign; see `step_data`."""
+    campaign = data.campaign
+    return step_data(data.trials, campaign.reference_kpa, points, campaign.yaml, _files(data))
+
+
+def _files(data: CampaignData) -> dict[tuple[str, int], Path]:
+    return {
+        (experiment.name, place): file.path
+        for experiment, place, file in data.campaign.trial_files()
+    }
+
+
+def _fit_steps(data: CampaignData, seed: int, points: int, bootstrap: int) -> FitResult:
+    steps = campaign_steps(data, points)
+    optimum = fit_optimum(steps, seed=seed)
+    return FitResult(
+        model=_model(data, optimum, "command"),
+        fitted_on=ON_STEPS,
+        provenance=data.campaign.provenance.kind,
+        optimum=optimum,
+        errors=_step_errors(steps, optimum),
+        datasets=steps.datasets,
+        samples=steps.angle_rad.size,
+        uncertainty=assess(steps, optimum, seed, bootstrap),
+        left_out=steps.left_out,
+        data=steps,
+    )
+
+
+def _fit_logs(data: CampaignData, signal: str) -> FitResult:
+    campaign = data.campaign
+    logs = log_data(data.trials, campaign.reference_kpa, signal, campaign.yaml)
+    optimum = fit_whole_logs(logs)
+    without = [trial.label for trial in data.trials if input_of(trial, signal) is None]
+    return FitResult(
+        model=_model(data, optimum, signal),
+        fitted_on=ON_WHOLE_LOGS,
+        provenance=campaign.provenance.kind,
+        optimum=optimum,
+        errors=_log_errors(logs, optimum),
+        datasets=len(logs),
+        samples=sum(int(np.count_nonzero(log.known)) for log in logs),
+        uncertainty=None,
+        left_out=tuple(f"{label}: no {signal} in its log" for label in without),
+    )
+
+
+def _model(data: CampaignData, optimum: Optimum, signal: str) -> Model:
+    campaign = data.campaign
+    return Model(
+        campaign=campaign.name,
+        material=campaign.material,
+        transfer_function=optimum.transfer_function,
+        reference_kpa=campaign.reference_kpa,
+        signal=signal,
+    )
+
+
+def _step_errors(data: StepData, optimum: Optimum) -> tuple[ExperimentError, ...]:
+    unit = step_map(data.t).response(optimum.x)
+    errors = []
+    for name, rows in data.groups.items():
+        measured = data.angle_rad[rows]
+        mean = measured.mean(axis=0)
+        setpoint = float(data.setpoint_deg[rows[0]])
+        predicted = data.u[rows, np.newaxis] * unit
+        errors.append(
+            _error(
+                name,
+                None if np.isnan(setpoint) else setpoint,
+                len(rows),
+                mean - predicted.mean(axis=0),
+                measured - predicted,
+                mean,
+            )
+        )
+    return tuple(errors)
+
+
+def _log_errors(logs: list[LogData], optimum: Optimum) -> tuple[ExperimentError, ...]:
+    g = optimum.transfer_function
+    residuals: dict[str, list[Floats]] = {}
+    trials: dict[str, Trial] = {}
+    for log in logs:
+        model = simulate(log.t, log.u, g.alpha2, g.alpha1, g.a1, g.a0, g.b0, hold=log.hold)
+        residual = (log.angle_rad - model)[log.known]
+        residuals.setdefault(log.trial.experiment, []).append(residual)
+        trials[log.trial.experiment] = log.trial
+    return tuple(
+        _error(
+            name,
+            trials[name].setpoint_deg,
+            len(parts),
+            np.concatenate(parts),
+            np.concatenate(parts),
+            np.radians(trials[name].angle_deg),
+        )
+        for name, parts in residuals.items()
+    )
+
+
+def _error(
+    name: str,
+    setpoint: float | None,
+    trials: int,
+    residual: Floats,
+    each: Floats,
+    measured: Floats,
+) -> ExperimentError:
+    rms = float(np.degrees(np.sqrt(np.mean(residual**2))))
+    reference = setpoint if setpoint else float(np.degrees(np.max(np.abs(measured))))
+    return ExperimentError(
+        experiment=name,
+        setpoint_deg=setpoint,
+        trials=trials,
+        rms_deg=rms,
+        percent=100.0 * rms / reference if reference > 0 else float("nan"),
+        each_trial_deg=float(np.degrees(np.sqrt(np.mean(each**2)))),
+    )
+
+
+# A model that misses the mean response by more than this many standard errors of the trials'
+# scatter has a gap, not noise.
+_GAP = 3.0
+
+
+def _warnings(result: FitResult) -> list[str]:
+    optimum, found = result.optimum, []
+    if not optimum.valid:
+        found.append("the search ended before it had converged")
+    if optimum.at_bounds:
+        found.append(f"on the bounds: {', '.join(optimum.at_bounds)}")
+    assessed = result.uncertainty
+    if assessed is not None:
+        if assessed.undetermined:
+            widest = assessed.widest
+            found.append(
+                f"these data do not determine {', '.join(assessed.undetermined)}: with "
+                f"{widest.name} anywhere from {widest.low_95:.3g} to {widest.high_95:.3g} the "
+                f"refitted curve moves by at most {widest.likely_change_deg:.2g}°"
+            )
+        if not assessed.profile("K").determined:
+            found.append("these data do not determine the gain K")
+        if not assessed.noise.repeated:
+            found.append("no experiment was repeated: noise is taken from the fit's residuals")
+        elif assessed.chi2 > _GAP**2 * assessed.dof:
+            times = np.sqrt(assessed.chi2 / assessed.dof)
+            found.append(
+                f"the model misses the mean responses by {times:.1f} times what the trials' "
+                "scatter explains: its form, not noise"
+            )
+    if result.left_out:
+        found.append(f"left out: {'; '.join(result.left_out)}")
+    return found
+
+
+def _uncertainty(assessed: Uncertainty) -> dict[str, Any]:
+    document = {
+        "noise_deg": {
+            name: float(np.degrees(getattr(assessed.noise, name)))
+            for name in ("total", "white", "between")
+        },
+        "design_effect": assessed.noise.design_effect,
+        "chi2": assessed.chi2,
+        "dof": assessed.dof,
+        "scale": assessed.scale,
+        "condition_number": assessed.covariance.condition_number,
+        "standard_error": dict(zip(QUANTITIES, assessed.covariance.standard_error, strict=True)),
+        "correlation": assessed.covariance.correlation,
+        "profiles": [asdict(profile) for profile in assessed.profiles],
+        "undetermined": assessed.undetermined,
+        "freest": assessed.freest.name,
+        "curve_change_deg": float(np.max(assessed.freest.curve_change_deg)),
+        "bootstrap": None,
+    }
+    if assessed.bootstrap is not None:
+        b = assessed.bootstrap
+        document["bootstrap"] = {
+            "resamples": len(b.x),
+            "low": dict(zip(QUANTITIES, b.low, strict=True)),
+            "high": dict(zip(QUANTITIES, b.high, strict=True)),
+            "standard_deviation": dict(zip(QUANTITIES, b.standard_deviation, strict=True)),
+            "curve_error_deg": b.curve_error_deg,
+        }
+    return document
+
+
+def _plain(value: Any) -> Any:
+    """Turn arrays, tuples and NumPy numbers into what JSON knows."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
