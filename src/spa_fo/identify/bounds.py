@@ -14,8 +14,6 @@ Floats = NDArray[np.float64]
 
 ORDER_GAP = 0.02
 """The orders are kept this far apart, and from 0 and 2: closer they are one and the same."""
-WIDENING_MARGIN = 0.1
-"""A widened bound lies this fraction of a value of Table I beyond it."""
 
 
 @dataclass(frozen=True)
@@ -65,23 +63,37 @@ def printed_bounds() -> Bounds:
     return Bounds("printed", low, high)
 
 
-def widened_bounds() -> Bounds:
-    """Return the smallest extension of the printed bounds that holds Table I, with a margin."""
+def widened_bounds(design: str | None = None) -> Bounds:
+    """Return the smallest box that holds the printed bounds and Table I.
+
+    Parameters
+    ----------
+    design : str, optional
+        The paper's actuator whose row the box must hold; both rows unless given.
+    """
     printed = printed_bounds()
-    table = np.array([x.as_array() for x in TABLE_I.values()])
-    low, high = printed.lower.copy(), printed.upper.copy()
-    below, above = table.min(axis=0) < low, table.max(axis=0) > high
-    low[below] = table.min(axis=0)[below] * (1.0 - WIDENING_MARGIN)
-    high[above] = table.max(axis=0)[above] * (1.0 + WIDENING_MARGIN)
-    return Bounds("widened", low, high)
+    rows = TABLE_I.values() if design is None else [TABLE_I[design]]
+    table = np.array([x.as_array() for x in rows])
+    return Bounds(
+        "widened",
+        np.minimum(printed.lower, table.min(axis=0)),
+        np.maximum(printed.upper, table.max(axis=0)),
+    )
 
 
-def free_bounds() -> Bounds:
-    """Return loose bounds that only keep the model meaningful: the optimum of the data."""
+def free_bounds(alpha1_floor: float = ORDER_GAP) -> Bounds:
+    """Return loose bounds that only keep the model meaningful: the optimum of the data.
+
+    Parameters
+    ----------
+    alpha1_floor : float
+        Lower bound of alpha1. Towards zero a1 s^alpha1 turns into a constant beside a0, so that
+        a short record says nothing of b0/a0 any more.
+    """
     order = ORDER_LIMIT - ORDER_GAP
     return Bounds(
         "free",
-        np.array([2.0 * ORDER_GAP, ORDER_GAP, 1e-3, 1e-3, 1e-4]),
+        np.array([alpha1_floor + ORDER_GAP, alpha1_floor, 1e-3, 1e-3, 1e-4]),
         np.array([order, order - ORDER_GAP, 1e3, 1e3, 1e4]),
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.fractional import simulate, step_map
+from spa_fo.identify.moderate import WORTH, moderate_optimum
 from spa_fo.identify.polish import Optimum, fit_optimum
 from spa_fo.identify.protocol import StepData, is_step, step_data
 from spa_fo.identify.uncertainty import QUANTITIES, Uncertainty, assess
@@ -142,7 +143,7 @@ def fit_campaign(
     points: int = POINTS,
     bootstrap: int = 400,
 ) -> FitResult:
-    """Identify a campaign's model: the optimum in free bounds.
+    """Identify a campaign's model: the optimum in free bounds (see `moderate`).
 
     On the up-steps of its step experiments; on whole logs where it has none, or where
     `whole_logs` says so, or the input is to be the measured pressure.
@@ -188,7 +189,7 @@ def _files(data: CampaignData) -> dict[tuple[str, int], Path]:
 
 def _fit_steps(data: CampaignData, seed: int, points: int, bootstrap: int) -> FitResult:
     steps = campaign_steps(data, points)
-    optimum = fit_optimum(steps, seed=seed)
+    optimum = moderate_optimum(lambda bounds: fit_optimum(steps, bounds, seed))
     return FitResult(
         model=_model(data, optimum, "command"),
         fitted_on=ON_STEPS,
@@ -206,7 +207,7 @@ def _fit_steps(data: CampaignData, seed: int, points: int, bootstrap: int) -> Fi
 def _fit_logs(data: CampaignData, signal: str) -> FitResult:
     campaign = data.campaign
     logs = log_data(data.trials, campaign.reference_kpa, signal, campaign.yaml)
-    optimum = fit_whole_logs(logs)
+    optimum = moderate_optimum(lambda bounds: fit_whole_logs(logs, bounds))
     without = [trial.label for trial in data.trials if input_of(trial, signal) is None]
     return FitResult(
         model=_model(data, optimum, signal),
@@ -306,6 +307,11 @@ def _warnings(result: FitResult) -> list[str]:
         found.append("the search ended before it had converged")
     if optimum.at_bounds:
         found.append(f"on the bounds: {', '.join(optimum.at_bounds)}")
+    if "alpha1 lower" in optimum.at_bounds:
+        found.append(
+            f"alpha1 was held at or above {optimum.bounds.lower[1]:g}: below, the squares fall by "
+            f"less than {100 * WORTH:g} %, and b0/a0 would be an extrapolation"
+        )
     assessed = result.uncertainty
     if assessed is not None:
         if assessed.undetermined:
