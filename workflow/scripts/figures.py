@@ -3,9 +3,11 @@
 import json
 from pathlib import Path
 
+import pandas as pd
+
 from spa_fo.edge import workflow_step
 from spa_fo.plant import read_model
-from spa_fo.report.material_figures import MaterialResults, draw_material
+from spa_fo.report.material import MaterialResults, draw_material
 from spa_fo.rig import read_campaign, read_trials
 
 
@@ -14,13 +16,12 @@ def load(path):
 
 
 with workflow_step(snakemake.log[0], snakemake.threads):
-    data = read_trials(read_campaign(snakemake.params.campaign))
     results = MaterialResults(
-        data=data,
+        data=read_trials(read_campaign(snakemake.params.campaign)),
         model=read_model(snakemake.input.model),
         fit=load(snakemake.input.fit),
         comparison=load(snakemake.input.comparison),
-        ablation_csv=Path(snakemake.input.ablation),
+        ablation=pd.read_csv(snakemake.input.ablation),
         design=snakemake.params.material.get("paper"),
     )
     draw_material(results, Path(snakemake.output[0]))

@@ -21,9 +21,10 @@ from spa_fo.identify.baselines import (
     fit_ludwick_literature,
     fit_second_order,
 )
-from spa_fo.identify.bounds import Bounds, free_bounds, printed_bounds, widened_bounds
+from spa_fo.identify.bounds import Bounds, printed_bounds, widened_bounds
 from spa_fo.identify.fitness import target_of
-from spa_fo.identify.polish import fit_optimum
+from spa_fo.identify.moderate import moderate_optimum
+from spa_fo.identify.polish import Optimum, fit_optimum
 from spa_fo.identify.protocol import StepData, paper_selection
 from spa_fo.identify.swarm import swarm_on_map
 from spa_fo.plant.paper import DATASETS, SWARM_ITERATIONS, SWARM_PARTICLES, TABLE_I
@@ -169,11 +170,12 @@ def reproduce(data: StepData, options: Options, seed: int) -> Reproduction:
     chosen = paper_selection(data, min(options.datasets, data.datasets))
     models: list[ModelResult] = []
     repeats: list[SwarmRepeats] = []
-    for bounds in (printed_bounds(), widened_bounds()):
+    for bounds in (printed_bounds(), widened_bounds(options.design)):
         swarm, optimum, repeated = _swarm_and_optimum(comparison, chosen, bounds, options, seed)
         models += [swarm, optimum]
         repeats.append(repeated)
-    models.append(_optimum(comparison, data, free_bounds(), seed))
+    free = moderate_optimum(lambda bounds: fit_optimum(data, bounds, seed))
+    models.append(comparison.optimum(free, data.datasets))
     if options.design is not None:
         models.append(
             comparison.fractional(
@@ -192,15 +194,13 @@ def reproduce(data: StepData, options: Options, seed: int) -> Reproduction:
 def _swarm_and_optimum(
     comparison: _Comparison, chosen: StepData, bounds: Bounds, options: Options, seed: int
 ) -> tuple[ModelResult, ModelResult, SwarmRepeats]:
-    optimum = _optimum(comparison, chosen, bounds, seed)
-    assert optimum.fit_rmse_deg is not None
+    optimum = fit_optimum(chosen, bounds, seed)
     response, target = step_map(chosen.t), target_of(chosen)
     runs = [
         swarm_on_map(response, target, bounds, seed + i, options.particles, options.iterations)
         for i in range(options.seeds)
     ]
-    least = np.radians(optimum.fit_rmse_deg)
-    excess = np.array([run.rmse for run in runs]) / least
+    excess = np.array([run.rmse for run in runs]) / optimum.rmse
     first = runs[0]
     swarm = comparison.fractional(
         f"swarm {options.particles}×{options.iterations}, {bounds.name} bounds",
@@ -213,20 +213,7 @@ def _swarm_and_optimum(
     )
     hits = int(np.count_nonzero(excess < NEAR_OPTIMUM))
     repeats = SwarmRepeats(bounds.name, len(runs), hits, float(np.median(excess) - 1.0))
-    return swarm, optimum, repeats
-
-
-def _optimum(comparison: _Comparison, data: StepData, bounds: Bounds, seed: int) -> ModelResult:
-    found = fit_optimum(data, bounds, seed)
-    return comparison.fractional(
-        f"optimum, {bounds.name} bounds",
-        "optimum",
-        bounds.name,
-        data.datasets,
-        found.x,
-        found.at_bounds,
-        float(np.degrees(found.rmse)),
-    )
+    return swarm, comparison.optimum(optimum, chosen.datasets), repeats
 
 
 def _baselines(data: StepData, options: Options) -> Iterable[Baseline]:
@@ -286,6 +273,17 @@ class _Comparison:
             fit_rmse_deg,
             rms,
             curves,
+        )
+
+    def optimum(self, found: Optimum, datasets: int) -> ModelResult:
+        return self.fractional(
+            f"optimum, {found.bounds.name} bounds",
+            "optimum",
+            found.bounds.name,
+            datasets,
+            found.x,
+            found.at_bounds,
+            float(np.degrees(found.rmse)),
         )
 
     def baseline(self, model: Baseline) -> ModelResult:

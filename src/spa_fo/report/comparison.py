@@ -138,9 +138,10 @@ def step_panels(material: MaterialComparison) -> tuple[StepPanel, ...]:
             trials_deg=np.array(experiment.trials_deg),
             curves=tuple(
                 Curve(
-                    f"{_short(model)}, RMS {model.rms_deg[experiment.name]:.2f}°",
+                    _short(model),
                     t_s,
                     np.array(model.curves_deg[experiment.name]),
+                    model.rms_deg[experiment.name],
                 )
                 for model in chosen
                 if model is not None

@@ -31,11 +31,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Curve:
-    """A model's step response: what it is called, and its angle in degrees, shape (n,)."""
+    """A model's step response, degrees, shape (n,), and its RMS error against the mean."""
 
     label: str
     t_s: Floats
     angle_deg: Floats
+    rms_deg: float
 
 
 @dataclass(frozen=True)
@@ -72,28 +73,21 @@ def step_figure(panels: Sequence[StepPanel]) -> Figure:
     matplotlib.figure.Figure
     """
     names = [chr(ord("a") + i) for i in range(len(panels))]
-    figure = new_figure(TWO_COLUMNS_IN, 2.8, [names])
+    figure = new_figure(TWO_COLUMNS_IN, 3.2, [names])
     for axes, name, panel in zip(figure.axes, names, panels, strict=True):
-        for i, trial in enumerate(panel.trials_deg):
-            axes.plot(
-                panel.t_s,
-                trial,
-                color=GREY,
-                linestyle="-",
-                linewidth=0.6,
-                label=f"{len(panel.trials_deg)} trials" if i == 0 else None,
-            )
-        axes.plot(
+        trials = axes.plot(panel.t_s, panel.trials_deg.T, color=GREY, linestyle="-", linewidth=0.6)
+        (mean,) = axes.plot(
             panel.t_s,
             panel.trials_deg.mean(axis=0),
             color=BLACK,
             linestyle="none",
             marker=".",
             markersize=2.5,
-            label="their mean",
         )
-        for curve, look in zip(panel.curves, _CURVE_STYLES, strict=False):
-            axes.plot(curve.t_s, curve.angle_deg, label=curve.label, **look)
+        models = [
+            axes.plot(curve.t_s, curve.angle_deg, **look)[0]
+            for curve, look in zip(panel.curves, _CURVE_STYLES, strict=False)
+        ]
         if panel.setpoint_deg is not None:
             axes.axhline(panel.setpoint_deg, color=BLACK, linestyle=":", linewidth=0.6)
         axes.set_title(f"({name}) {panel.title}", loc="left")
@@ -101,7 +95,16 @@ def step_figure(panels: Sequence[StepPanel]) -> Figure:
         axes.set_ylabel("bending angle (°)")
         axes.set_xlim(0, panel.t_s[-1])
         axes.set_ylim(bottom=min(0.0, float(panel.trials_deg.min())))
-        axes.legend(loc="lower right")
+        errors = [f"{curve.rms_deg:.2f}°" for curve in panel.curves[: len(models)]]
+        axes.legend(models, errors, title="RMS against the mean", loc="lower right", ncols=2)
+    labels = [curve.label for curve in panels[0].curves[: len(models)]]
+    count = len(panels[0].trials_deg)
+    figure.legend(
+        [trials[0], mean, *models],
+        [f"{count} trials", "their mean", *labels],
+        loc="outside upper center",
+        ncols=3,
+    )
     return figure
 
 
@@ -152,7 +155,7 @@ def log_figure(panels: Sequence[LogPanel], model_label: str) -> Figure:
         rms = float(np.sqrt(np.mean(error**2)))
         residual.set_title(f"measured − predicted, RMS {rms:.2f}°", loc="left")
         residual.set_ylabel("(°)")
-    axes_of["log 0"].legend(loc="upper right")
+    axes_of["log 0"].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
     for name in ("log", "residual"):
         axes_of[f"{name} {len(panels) - 1}"].set_xlabel("time (s)")
     return figure
@@ -240,6 +243,16 @@ _NAMES = {
 _LEVELS = {f"{100 * p:g} %": float(chdtri(1, 1 - p)) for p in (0.68, 0.95)}
 
 
+_HIGHEST_RISE = 6.0
+
+
+def _shown(profile: Profile) -> tuple[float, float]:
+    """Return the part of the axis worth showing: where the rise is within the figure."""
+    within = np.flatnonzero(profile.rise <= _HIGHEST_RISE)
+    first, last = max(within[0] - 1, 0), min(within[-1] + 1, profile.values.size - 1)
+    return float(profile.values[first]), float(profile.values[last])
+
+
 @styled
 def identifiability_figure(profiles: Sequence[Profile]) -> Figure:
     """Draw how far chi-square rises when one parameter is held and the others are fitted again."""
@@ -262,9 +275,11 @@ def identifiability_figure(profiles: Sequence[Profile]) -> Figure:
             )
         axes.axvline(profile.estimate, color=BLACK, linestyle=":", linewidth=0.8)
         axes.axvspan(profile.low, profile.high, color=SKY, alpha=0.25, linewidth=0)
-        if profile.values[0] > 0 and profile.values[-1] > 10 * profile.values[0]:
+        low, high = _shown(profile)
+        if high > 10 * low > 0:
             axes.set_xscale("log")
-        axes.set_ylim(0, 6)
+        axes.set_xlim(low, high)
+        axes.set_ylim(0, _HIGHEST_RISE)
         axes.set_xlabel(_NAMES.get(profile.name, profile.name))
         word = "determined" if profile.determined else "not determined"
         axes.set_title(word, loc="left", color=GREEN if profile.determined else VERMILION)

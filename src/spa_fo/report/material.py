@@ -1,0 +1,131 @@
+"""Everything drawn of one material."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from spa_fo.identify import is_step, predict_trial
+from spa_fo.identify.reproduction import Reproduction
+from spa_fo.plant import Model
+from spa_fo.report.ablation import ablation_figure
+from spa_fo.report.comparison import MaterialComparison, step_panels
+from spa_fo.report.figures import (
+    LogPanel,
+    Profile,
+    calibration_figure,
+    identifiability_figure,
+    log_figure,
+    step_figure,
+)
+from spa_fo.report.provenance import provenance_line
+from spa_fo.report.style import save_figure
+from spa_fo.rig import CampaignData, Trial
+
+
+@dataclass(frozen=True)
+class MaterialResults:
+    """What the figures of one material are drawn from.
+
+    Attributes
+    ----------
+    data : CampaignData
+        The campaign.
+    model : Model
+        Its identified model.
+    fit : Mapping
+        As `FitResult.to_dict` returned it.
+    comparison : Mapping or None
+        As `Reproduction.to_dict` returned it; None where the campaign has no steps.
+    ablation : pandas.DataFrame
+        Rows of the ablation; empty where the campaign has no steps.
+    design : str or None
+        The paper's actuator.
+    """
+
+    data: CampaignData
+    model: Model
+    fit: Mapping[str, Any]
+    comparison: Mapping[str, Any] | None
+    ablation: pd.DataFrame
+    design: str | None
+
+
+def draw_material(results: MaterialResults, folder: Path) -> tuple[Path, ...]:
+    """Draw every figure that the campaign allows, PDF and PNG each.
+
+    Parameters
+    ----------
+    results : MaterialResults
+        Of one material.
+    folder : Path
+        Where to.
+
+    Returns
+    -------
+    tuple of Path
+        The files.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be written.
+    """
+    provenance = provenance_line(results.data.campaign.provenance)
+    files: list[Path] = []
+    for name, figure in _figures(results):
+        files += save_figure(figure, folder / name, provenance)
+    return tuple(files)
+
+
+def _figures(results: MaterialResults) -> Iterator[tuple[str, Figure]]:
+    data = results.data
+    if data.calibration is not None:
+        yield "calibration", calibration_figure(data.calibration, data.drifts)
+    if results.comparison is not None:
+        reproduction = Reproduction.from_dict(results.comparison)
+        comparison = MaterialComparison(data.campaign.material, results.design, reproduction)
+        yield "step_responses", step_figure(step_panels(comparison))
+    yield "whole_logs", log_figure(_log_panels(results), "model")
+    uncertainty = results.fit["uncertainty"]
+    if uncertainty is not None:
+        profiles = [_profile(entry) for entry in uncertainty["profiles"]]
+        yield "identifiability", identifiability_figure(profiles)
+    if len(results.ablation):
+        yield "ablation", ablation_figure(results.ablation)
+
+
+def _log_panels(results: MaterialResults) -> list[LogPanel]:
+    """Return the first trial of each experiment, those that were not fitted first."""
+    first: dict[str, Trial] = {}
+    for trial in results.data.trials:
+        first.setdefault(trial.experiment, trial)
+    ordered = sorted(first.values(), key=is_step)
+    return [
+        LogPanel(
+            title=trial.label,
+            t_s=trial.t_s,
+            measured_deg=trial.angle_deg,
+            predicted_deg=predict_trial(results.model, trial),
+            pressure_kpa=trial.command_kpa,
+        )
+        for trial in ordered
+    ]
+
+
+def _profile(entry: Mapping[str, Any]) -> Profile:
+    return Profile(
+        name=entry["name"],
+        values=np.array(entry["values"]),
+        rise=np.array(entry["rise"]),
+        estimate=entry["estimate"],
+        low=entry["low_95"],
+        high=entry["high_95"],
+        determined=entry["determined"],
+    )

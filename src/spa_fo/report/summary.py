@@ -1,0 +1,227 @@
+"""The page to start from: what was measured, how well the model fits, what holds of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from spa_fo.identify.reproduction import Reproduction
+from spa_fo.plant import paper
+from spa_fo.report.ablation import ablation_table, verdict_lines
+from spa_fo.report.audit import Identified, audit, audit_table
+from spa_fo.report.comparison import (
+    MaterialComparison,
+    baseline_table,
+    parameter_table,
+    rms_table,
+)
+from spa_fo.report.provenance import joint_provenance_line, provenance_line
+from spa_fo.report.tables import Table, write_table
+from spa_fo.rig import Campaign
+
+# What there is to see in each figure, in the order a reader asks.
+_CAPTIONS = {
+    "calibration": "Flex sensor against known angles: the curve every angle came through, its "
+    "hysteresis and uncertainty, and its drift until the later calibration.",
+    "step_responses": "Step responses as in the paper's Figs. 4 and 5: the trials, their mean, and "
+    "the models.",
+    "whole_logs": "One trial of each experiment in full, with what the model predicts and what it "
+    "misses.",
+    "identifiability": "How far the fit worsens when one parameter is held and the others are "
+    "fitted again: a flat curve means the data do not determine it.",
+    "ablation": "How the error of the curve and the spread of the parameters depend on the number "
+    "of data sets and points, and what outliers do.",
+}
+
+
+@dataclass(frozen=True)
+class PublishedMaterial:
+    """One material's results, as the workflow's steps left them.
+
+    Attributes
+    ----------
+    name : str
+        Its entry in config.yaml, and its folder in the results.
+    campaign : Campaign
+        What was measured.
+    design : str or None
+        The paper's actuator.
+    fit, comparison, verdict : Mapping
+        As read from fit.json, comparison.json and ablation.json; the last two may be None.
+    ablation : pandas.DataFrame
+        Rows of the ablation, may be empty.
+    fit_report, parse_report : str
+        As text and as Markdown.
+    figures : tuple of str
+        Names of the figures there are, without suffix.
+    """
+
+    name: str
+    campaign: Campaign
+    design: str | None
+    fit: Mapping[str, Any]
+    comparison: Mapping[str, Any] | None
+    verdict: Mapping[str, Any] | None
+    ablation: pd.DataFrame
+    fit_report: str
+    parse_report: str
+    figures: tuple[str, ...]
+
+    @property
+    def label(self) -> str:
+        """The material's name as people write it."""
+        return self.campaign.material
+
+    @property
+    def provenance(self) -> str:
+        """The line that stands on everything made of it."""
+        return provenance_line(self.campaign.provenance)
+
+
+def tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
+    """Make every table, by the name of its file.
+
+    Parameters
+    ----------
+    materials : sequence of PublishedMaterial
+        In the order of config.yaml.
+
+    Returns
+    -------
+    dict of str to Table
+        Those about step responses only where some material has them.
+    """
+    stepped = [material for material in materials if material.comparison is not None]
+    found: dict[str, Table] = {}
+    if stepped:
+        provenance = _joint_provenance(stepped)
+        compared = [
+            MaterialComparison(m.label, m.design, Reproduction.from_dict(m.comparison))
+            for m in stepped
+            if m.comparison is not None
+        ]
+        found["table_1"] = parameter_table(compared, provenance)
+        found["rms"] = rms_table(compared, provenance)
+        found["baselines"] = baseline_table(compared, provenance)
+        found["ablation"] = ablation_table({m.label: m.ablation for m in stepped}, provenance)
+    found["fit_errors"] = _fit_errors(materials)
+    if any(material.design for material in materials):
+        found["audit"] = audit_table(audit(_identified(stepped)), _joint_provenance(materials))
+    return found
+
+
+def write_tables(found: Mapping[str, Table], folder: Path) -> None:
+    """Write every table as CSV, LaTeX and Markdown into `folder`."""
+    for name, table in found.items():
+        write_table(table, folder / name)
+
+
+def summary(materials: Sequence[PublishedMaterial], tables_folder: Path, root: Path) -> str:
+    """Return the summary as Markdown.
+
+    Parameters
+    ----------
+    materials : sequence of PublishedMaterial
+        In the order of config.yaml.
+    tables_folder : Path
+        Where `write_tables` wrote.
+    root : Path
+        The folder that the summary will stand in, for its links.
+    """
+    parts = ["# Results", *_provenance(materials), *_paper_part(tables_folder)]
+    for material in materials:
+        parts += _material_part(material)
+    parts += _files_part(tables_folder, root)
+    return "\n\n".join(parts) + "\n"
+
+
+def _provenance(materials: Sequence[PublishedMaterial]) -> Iterator[str]:
+    lines = [
+        f"- **{material.label}** (`{material.campaign.name}`): {material.provenance}."
+        for material in materials
+    ]
+    yield "## What was measured"
+    yield "\n".join(lines)
+
+
+def _paper_part(folder: Path) -> Iterator[str]:
+    for name, title in (
+        ("rms", "## How well the models fit"),
+        ("table_1", "## Table I"),
+        ("audit", "## What holds of the paper"),
+    ):
+        path = folder / f"{name}.md"
+        if path.is_file():
+            yield title
+            yield path.read_text(encoding="utf-8").strip()
+
+
+def _material_part(material: PublishedMaterial) -> Iterator[str]:
+    yield f"## {material.label}"
+    yield f"```\n{material.fit_report.strip()}\n```"
+    if material.verdict is not None:
+        yield "### How many data sets"
+        yield "\n".join(f"- {line}" for line in verdict_lines(material.verdict))
+    for name, caption in _CAPTIONS.items():
+        if name in material.figures:
+            yield f"![{caption}]({material.name}/figures/{name}.png)"
+            yield f"*{caption}*"
+    yield "### The logs"
+    yield material.parse_report.strip()
+
+
+def _files_part(tables_folder: Path, root: Path) -> Iterator[str]:
+    yield "## Every table"
+    yield "\n".join(
+        f"- [{path.name}]({path.relative_to(root).as_posix()})"
+        for path in sorted(tables_folder.iterdir())
+    )
+
+
+def _fit_errors(materials: Sequence[PublishedMaterial]) -> Table:
+    rows = [
+        {
+            "material": material.label,
+            "fitted on": material.fit["fitted_on"],
+            "experiment": error["experiment"],
+            "trials": error["trials"],
+            "RMS (°)": error["rms_deg"],
+            "RMS (%)": error["percent"],
+        }
+        for material in materials
+        for error in material.fit["errors"]
+    ]
+    return Table(
+        pd.DataFrame(rows),
+        "The identified model (model.json) against what it was fitted to",
+        _joint_provenance(materials),
+        {"trials": ".0f", "RMS (°)": ".2f", "RMS (%)": ".2f"},
+    )
+
+
+def _identified(materials: Sequence[PublishedMaterial]) -> dict[str, Identified]:
+    found = {}
+    for material in materials:
+        if material.design is None or material.comparison is None:
+            continue
+        uncertainty = material.fit["uncertainty"]
+        repeats = material.comparison["swarm_repeats"][-1]
+        found[material.design] = Identified(
+            label=paper.MATERIALS[material.design],
+            condition_number=uncertainty["condition_number"],
+            undetermined=tuple(uncertainty["undetermined"]),
+            curve_change_deg=uncertainty["curve_change_deg"],
+            swarm_hits=repeats["hits"],
+            swarm_seeds=repeats["seeds"],
+        )
+    return found
+
+
+def _joint_provenance(materials: Sequence[PublishedMaterial]) -> str:
+    return joint_provenance_line(
+        [material.label for material in materials], [m.provenance for m in materials]
+    )

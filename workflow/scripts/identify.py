@@ -1,0 +1,36 @@
+"""The model of one material with its uncertainty, and the paper's comparison on its steps."""
+
+import json
+
+from spa_fo.atomic import write_text
+from spa_fo.edge import workflow_step
+from spa_fo.identify import Options, campaign_steps, fit_campaign, is_step, reproduce
+from spa_fo.plant import write_model
+from spa_fo.rig import read_campaign, read_trials
+
+with workflow_step(snakemake.log[0], snakemake.threads):
+    data = read_trials(read_campaign(snakemake.params.campaign))
+    material, options = snakemake.params.material, snakemake.params.options
+    fit = fit_campaign(
+        data,
+        seed=snakemake.params.seed,
+        signal=material["input"],
+        points=options["points"],
+        bootstrap=options["bootstrap"],
+    )
+    comparison = None
+    if any(is_step(trial) for trial in data.trials):
+        protocol = Options(
+            datasets=options["datasets"],
+            particles=options["swarm"]["particles"],
+            iterations=options["swarm"]["iterations"],
+            seeds=options["swarm_seeds"],
+            design=material.get("paper"),
+            ludwick_n=material.get("ludwick_n"),
+        )
+        steps = campaign_steps(data, options["points"])
+        comparison = reproduce(steps, protocol, snakemake.params.seed).to_dict()
+    write_model(snakemake.output.model, fit.model)
+    write_text(snakemake.output.fit, json.dumps(fit.to_dict(), indent=1) + "\n")
+    write_text(snakemake.output.report, fit.report() + "\n")
+    write_text(snakemake.output.comparison, json.dumps(comparison) + "\n")
