@@ -4,7 +4,9 @@ import json
 
 from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
-from spa_fo.identify import Options, campaign_steps, fit_campaign, is_step, reproduce
+from spa_fo.identify import campaign_steps, fit_campaign
+from spa_fo.identify.protocol import is_step
+from spa_fo.identify.reproduction import Options, reproduce
 from spa_fo.plant import write_model
 from spa_fo.rig import read_campaign, read_trials
 

@@ -232,7 +232,7 @@ class Profile:
     determined: bool
 
 
-_NAMES = {
+QUANTITY_NAMES = {
     "alpha2": r"$\alpha_2$",
     "alpha1": r"$\alpha_1$",
     "a1": "$a_1$",
@@ -280,7 +280,7 @@ def identifiability_figure(profiles: Sequence[Profile]) -> Figure:
             axes.set_xscale("log")
         axes.set_xlim(low, high)
         axes.set_ylim(0, _HIGHEST_RISE)
-        axes.set_xlabel(_NAMES.get(profile.name, profile.name))
+        axes.set_xlabel(QUANTITY_NAMES[profile.name])
         word = "determined" if profile.determined else "not determined"
         axes.set_title(word, loc="left", color=GREEN if profile.determined else VERMILION)
     for axes in figure.axes[::half]:

@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from spa_fo.identify import is_step, predict_trial
+from spa_fo.identify import predict_trial
+from spa_fo.identify.protocol import is_step
 from spa_fo.identify.reproduction import Reproduction
 from spa_fo.plant import Model
 from spa_fo.report.ablation import ablation_figure
