@@ -1,5 +1,6 @@
 """From trials to a model: protocol, swarm, optimum, uncertainty, ablation."""
 
+from spa_fo.identify.ablation import AblationOptions, AblationVerdict, ablate, ablation_verdict
 from spa_fo.identify.bounds import Bounds, free_bounds, printed_bounds, widened_bounds
 from spa_fo.identify.polish import Draws, Fits, Optimum, fit_many, fit_optimum
 from spa_fo.identify.predict import predict_campaign, predict_trial
@@ -10,6 +11,8 @@ from spa_fo.identify.uncertainty import Uncertainty, assess
 from spa_fo.identify.whole_log import LogData, fit_whole_logs, log_data
 
 __all__ = [
+    "AblationOptions",
+    "AblationVerdict",
     "Bounds",
     "Draws",
     "FitResult",
@@ -19,6 +22,8 @@ __all__ = [
     "StepData",
     "SwarmResult",
     "Uncertainty",
+    "ablate",
+    "ablation_verdict",
     "assess",
     "campaign_steps",
     "fit_campaign",
