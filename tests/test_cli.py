@@ -194,9 +194,9 @@ def rig_line(text: str) -> str:
     return f"{text}*{check:02X}\n"
 
 
-def rig_trial(steps: int = 600) -> str:
+def rig_trial(steps: int = 600, top: int = 306) -> str:
     rows = [
-        rig_line(f"{i},{1000000 + 20000 * i},{27.5 if i >= 50 else 0.0:.2f},93,{300 + i % 7}")
+        rig_line(f"{i},{1000000 + 20000 * i},{27.5 if i >= 50 else 0.0:.2f},93,{top - i % 7}")
         for i in range(steps)
     ]
     return RIG_BANNER + "".join(rows)
@@ -244,9 +244,10 @@ BAD_LOGS = {
         "checksum",
     ),
     "truncated mid-line": ((RIG_BANNER + rig_trial()[len(RIG_BANNER) :][:11]).encode(), 90.0, ""),
+    # 420 counts are 60 degrees.
     "angle outside calibration": (
-        rig_trial().replace("", "").encode(),
-        -1.0,
+        rig_trial(top=420).encode(),
+        20.0,
         "angle outside calibration",
     ),
 }
@@ -256,7 +257,6 @@ BAD_LOGS = {
 def test_bad_rig_logs(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, top_deg, word = BAD_LOGS[case]
     folder = tmp_path / "arm"
-    # Counts up to 306 are 3 degrees; a calibration down to -1 does not hold them.
     rig_campaign(folder, log, rig_calibration(top_deg))
     out = tmp_path / "model.json"
     line = refused(["fit", str(folder), "--out", str(out)], capsys)
@@ -287,6 +287,33 @@ def test_bad_models(
     out = tmp_path / "p.csv"
     line = refused(["predict", str(model), str(steps), "--out", str(out)], capsys)
     assert f"{model}: {key}: " in line
+    assert not out.exists()
+
+
+def test_own_bounds_are_kept(steps: Path, tmp_path: Path) -> None:
+    out = tmp_path / "model.json"
+    arguments = ["fit", str(steps), "--out", str(out), "--bound", "a0=3:4", "--bound", "a1=1:1.5"]
+    assert main(arguments) == 0
+    found = json.loads(out.read_text())["transfer_function"]
+    assert 3 <= found["a0"] <= 4
+    assert 1 <= found["a1"] <= 1.5
+
+
+@pytest.mark.parametrize(
+    ("bound", "message"),
+    [
+        ("a0=2:1", "bounds of a0 are reversed: 2 > 1"),
+        ("a0=2", "expected NAME=LOW:HIGH, such as a0=1:2, found 'a0=2'"),
+        ("a7=1:2", "a7 is no parameter; expected one of alpha2, alpha1, a1, a0, b0"),
+        ("a0=-1:2", "the lower bound of a0 must be positive, not -1"),
+    ],
+)
+def test_bad_bounds(
+    bound: str, message: str, steps: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "model.json"
+    line = refused(["fit", str(steps), "--out", str(out), "--bound", bound], capsys)
+    assert line == f"spa-fo: --bound: {message}"
     assert not out.exists()
 
 

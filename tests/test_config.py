@@ -54,6 +54,11 @@ def test_the_document_is_not_changed() -> None:
             "config.yaml: materials.a.paper: is 'design_3'; did you mean 'design_2'?",
         ),
         (
+            {"materials": {"a": {"bounds": {"a0": [2, 1]}}}},
+            "config.yaml: materials.a.bounds.a0: is [2, 1]: reversed; "
+            "expected the lower bound first",
+        ),
+        (
             {"materials": {"a": None}, "identify": {"swarm": {"particles": 1.5}}},
             "config.yaml: identify.swarm.particles: is 1.5; expected a whole number",
         ),

@@ -9,12 +9,15 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from spa_fo import __version__
 from spa_fo.atomic import write_text
 from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error
 from spa_fo.errors import BadInput
+
+if TYPE_CHECKING:
+    from spa_fo.identify import Bounds
 
 # The rooms are imported by the commands that need them: `--help` must not wait for Numba.
 
@@ -105,6 +108,13 @@ def _add_fit(commands: Commands) -> None:
         default="command",
         help="signal that drives a fit of whole logs (default: command)",
     )
+    parser.add_argument(
+        "--bound",
+        metavar="NAME=LOW:HIGH",
+        action="append",
+        default=[],
+        help="search a parameter (alpha2, alpha1, a1, a0, b0) within these bounds; may be repeated",
+    )
     parser.set_defaults(run=_fit)
 
 
@@ -113,12 +123,36 @@ def _fit(options: argparse.Namespace) -> None:
     from spa_fo.plant import write_model
     from spa_fo.rig import read_campaign, read_trials
 
+    bounds = _bounds(options.bound)
     data = read_trials(read_campaign(options.campaign))
     result = fit_campaign(
-        data, seed=options.seed, whole_logs=options.whole_logs, signal=options.input
+        data,
+        seed=options.seed,
+        whole_logs=options.whole_logs,
+        signal=options.input,
+        bounds=bounds,
     )
     write_model(options.out, result.model)
     print(result.report())
+
+
+def _bounds(texts: Sequence[str]) -> Bounds | None:
+    from spa_fo.identify import own_bounds
+
+    ranges = {}
+    for text in texts:
+        name, _, ends = text.partition("=")
+        low, _, high = ends.partition(":")
+        try:
+            ranges[name] = (float(low), float(high))
+        except ValueError:
+            raise BadInput(
+                "--bound", f"expected NAME=LOW:HIGH, such as a0=1:2, found {text!r}"
+            ) from None
+    try:
+        return own_bounds(ranges) if ranges else None
+    except ValueError as error:
+        raise BadInput("--bound", str(error)) from None
 
 
 def _add_predict(commands: Commands) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from spa_fo.errors import BadInput
 from spa_fo.validation import load_yaml, validate
 
 
@@ -38,6 +39,7 @@ def read_config(
     # A material with nothing to say, `my_arm:`, is read as null.
     plain = _without_empty_materials(document)
     validate(plain, schema, source)
+    _check_bounds(plain, source)
     config = _with_defaults(plain, schema)
     assert isinstance(config, dict)
     return config
@@ -51,6 +53,18 @@ def _without_empty_materials(document: Mapping[str, Any]) -> dict[str, Any]:
             key: {} if value is None else value for key, value in materials.items()
         }
     return plain
+
+
+def _check_bounds(config: Mapping[str, Any], source: Path | str) -> None:
+    """Refuse reversed bounds, which a schema cannot."""
+    for material, entry in config["materials"].items():
+        for name, (low, high) in entry.get("bounds", {}).items():
+            if low > high:
+                raise BadInput(
+                    source,
+                    f"is [{low:g}, {high:g}]: reversed; expected the lower bound first",
+                    f"materials.{material}.bounds.{name}",
+                )
 
 
 def _with_defaults(value: Any, schema: Mapping[str, Any]) -> Any:

@@ -4,11 +4,24 @@ import json
 
 from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
-from spa_fo.identify import campaign_steps, fit_campaign
+from spa_fo.errors import BadInput
+from spa_fo.identify import campaign_steps, fit_campaign, own_bounds
 from spa_fo.identify.protocol import is_step
 from spa_fo.identify.reproduction import Options, reproduce
 from spa_fo.plant import write_model
 from spa_fo.rig import read_campaign, read_trials
+
+
+def bounds_of(material):
+    """The material's own bounds, None where it has none."""
+    if "bounds" not in material:
+        return None
+    try:
+        return own_bounds(material["bounds"])
+    except ValueError as error:
+        where = f"materials.{snakemake.wildcards.material}.bounds"
+        raise BadInput("config.yaml", str(error), where) from error
+
 
 with workflow_step(snakemake.log[0], snakemake.threads):
     data = read_trials(read_campaign(snakemake.params.campaign))
@@ -19,6 +32,7 @@ with workflow_step(snakemake.log[0], snakemake.threads):
         signal=material["input"],
         points=options["points"],
         bootstrap=options["bootstrap"],
+        bounds=bounds_of(material),
     )
     comparison = None
     if any(is_step(trial) for trial in data.trials):

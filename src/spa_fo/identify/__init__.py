@@ -1,7 +1,13 @@
 """From trials to a model: protocol, swarm, optimum, uncertainty, ablation."""
 
 from spa_fo.identify.ablation import AblationOptions, AblationVerdict, ablate, ablation_verdict
-from spa_fo.identify.bounds import Bounds, free_bounds, printed_bounds, widened_bounds
+from spa_fo.identify.bounds import (
+    Bounds,
+    free_bounds,
+    own_bounds,
+    printed_bounds,
+    widened_bounds,
+)
 from spa_fo.identify.polish import Draws, Fits, Optimum, fit_many, fit_optimum
 from spa_fo.identify.predict import predict_campaign, predict_trial
 from spa_fo.identify.protocol import StepData, paper_selection, step_data
@@ -32,6 +38,7 @@ __all__ = [
     "fit_whole_logs",
     "free_bounds",
     "log_data",
+    "own_bounds",
     "paper_selection",
     "paper_swarm",
     "predict_campaign",

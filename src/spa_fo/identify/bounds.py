@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,6 +99,24 @@ def free_bounds(alpha1_floor: float = ORDER_GAP) -> Bounds:
     )
 
 
-def bounds_by_name(name: str) -> Bounds:
-    """Return ``"printed"``, ``"widened"`` or ``"free"`` bounds."""
-    return {"printed": printed_bounds, "widened": widened_bounds, "free": free_bounds}[name]()
+def own_bounds(ranges: Mapping[str, Sequence[float]]) -> Bounds:
+    """Return the loose bounds with some of them replaced by a user's own.
+
+    Parameters
+    ----------
+    ranges : Mapping[str, sequence of two floats]
+        Lower and upper bound by parameter.
+
+    Raises
+    ------
+    ValueError
+        A name is no parameter, or as for `Bounds`; the text names the parameter.
+    """
+    loose = free_bounds()
+    lower, upper = loose.lower.copy(), loose.upper.copy()
+    for name, (low, high) in ranges.items():
+        if name not in PARAMETERS:
+            raise ValueError(f"{name} is no parameter; expected one of {', '.join(PARAMETERS)}")
+        lower[PARAMETERS.index(name)] = low
+        upper[PARAMETERS.index(name)] = high
+    return Bounds("own", lower, upper)

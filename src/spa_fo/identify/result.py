@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.fractional import simulate, step_map
+from spa_fo.identify.bounds import Bounds
 from spa_fo.identify.moderate import WORTH, moderate_optimum
 from spa_fo.identify.polish import Optimum, fit_optimum
 from spa_fo.identify.protocol import StepData, is_step, step_data
@@ -142,8 +144,9 @@ def fit_campaign(
     signal: str = "command",
     points: int = POINTS,
     bootstrap: int = 400,
+    bounds: Bounds | None = None,
 ) -> FitResult:
-    """Identify a campaign's model: the optimum in free bounds (see `moderate`).
+    """Identify a campaign's model: the optimum in free bounds (see `moderate`), or in given ones.
 
     On the up-steps of its step experiments; on whole logs where it has none, or where
     `whole_logs` says so, or the input is to be the measured pressure.
@@ -162,6 +165,8 @@ def fit_campaign(
         Points taken of each step response.
     bootstrap : int
         Resamples of the trial bootstrap.
+    bounds : Bounds, optional
+        Of the search; see `own_bounds`.
 
     Raises
     ------
@@ -170,8 +175,8 @@ def fit_campaign(
     """
     has_steps = any(is_step(trial) for trial in data.trials)
     if has_steps and not whole_logs and signal == "command":
-        return _fit_steps(data, seed, points, bootstrap)
-    return _fit_logs(data, signal)
+        return _fit_steps(data, seed, points, bootstrap, bounds)
+    return _fit_logs(data, signal, bounds)
 
 
 def campaign_steps(data: CampaignData, points: int = POINTS) -> StepData:
@@ -187,9 +192,11 @@ def _files(data: CampaignData) -> dict[tuple[str, int], Path]:
     }
 
 
-def _fit_steps(data: CampaignData, seed: int, points: int, bootstrap: int) -> FitResult:
+def _fit_steps(
+    data: CampaignData, seed: int, points: int, bootstrap: int, bounds: Bounds | None
+) -> FitResult:
     steps = campaign_steps(data, points)
-    optimum = moderate_optimum(lambda bounds: fit_optimum(steps, bounds, seed))
+    optimum = _optimum(lambda box: fit_optimum(steps, box, seed), bounds)
     return FitResult(
         model=_model(data, optimum, "command"),
         fitted_on=ON_STEPS,
@@ -204,10 +211,10 @@ def _fit_steps(data: CampaignData, seed: int, points: int, bootstrap: int) -> Fi
     )
 
 
-def _fit_logs(data: CampaignData, signal: str) -> FitResult:
+def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResult:
     campaign = data.campaign
     logs = log_data(data.trials, campaign.reference_kpa, signal, campaign.yaml)
-    optimum = moderate_optimum(lambda bounds: fit_whole_logs(logs, bounds))
+    optimum = _optimum(lambda box: fit_whole_logs(logs, box), bounds)
     without = [trial.label for trial in data.trials if input_of(trial, signal) is None]
     return FitResult(
         model=_model(data, optimum, signal),
@@ -220,6 +227,10 @@ def _fit_logs(data: CampaignData, signal: str) -> FitResult:
         uncertainty=None,
         left_out=tuple(f"{label}: no {signal} in its log" for label in without),
     )
+
+
+def _optimum(fit: Callable[[Bounds], Optimum], bounds: Bounds | None) -> Optimum:
+    return moderate_optimum(fit) if bounds is None else fit(bounds)
 
 
 def _model(data: CampaignData, optimum: Optimum, signal: str) -> Model:
@@ -307,7 +318,7 @@ def _warnings(result: FitResult) -> list[str]:
         found.append("the search ended before it had converged")
     if optimum.at_bounds:
         found.append(f"on the bounds: {', '.join(optimum.at_bounds)}")
-    if "alpha1 lower" in optimum.at_bounds:
+    if optimum.bounds.name == "free" and "alpha1 lower" in optimum.at_bounds:
         found.append(
             f"alpha1 was held at or above {optimum.bounds.lower[1]:g}: below, the squares fall by "
             f"less than {100 * WORTH:g} %, and b0/a0 would be an extrapolation"
