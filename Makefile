@@ -23,6 +23,7 @@ $(INSTALLED): requirements.lock pyproject.toml
 
 reproduce: $(INSTALLED)
 	$(BIN)/snakemake --cores $(CORES)
+	@echo "Start with results/summary.md"
 
 test: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -193,7 +193,7 @@ def _improvements() -> Iterator[AuditLine]:
                 "Abstract",
                 f"{paper.MATERIALS[design]} at {setpoint:g}°: improved by more than "
                 f"{paper.CLAIMED_IMPROVEMENT_PERCENT:g} % over the nonlinear model",
-                f"{nonlinear:.2f} − {fractional:.2f} = {gain:+.2f} points",
+                f"{nonlinear:.2f} − {fractional:.2f} = {gain:+.2f} points".replace("-", "−"),
                 HOLDS if enough else FAILS + (": the baseline is better" if gain < 0 else ""),
             )
 

@@ -178,7 +178,7 @@ def _files_part(tables_folder: Path, root: Path) -> Iterator[str]:
     yield "## Every table"
     yield "\n".join(
         f"- [{path.name}]({path.relative_to(root).as_posix()})"
-        for path in sorted(tables_folder.iterdir())
+        for path in sorted(tables_folder.glob("[!.]*"))
     )
 
 

@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import pytest
+
+from spa_fo.plant import paper
+from spa_fo.report.audit import HOLDS, Identified, audit, audit_table
+
+
+def lines_of(where: str) -> list[tuple[str, str, str]]:
+    return [
+        (line.statement, line.computed, line.verdict) for line in audit({}) if line.where == where
+    ]
+
+
+def test_the_printed_series_decays_where_the_right_one_settles() -> None:
+    ((_, computed, verdict),) = lines_of("Eq. 15")
+    assert "as printed 0.0585" in computed
+    assert "inverse of Eq. 14 0.5705" in computed
+    assert verdict.startswith("does not hold")
+
+
+def test_table_1_lies_outside_the_bounds() -> None:
+    first, second = lines_of("Table I")
+    assert first[1] == "outside: b0 = 0.934 (bounds 1–2)"
+    assert second[1] == "outside: a0 = 2.103 (bounds 1–2); b0 = 0.728 (bounds 1–2)"
+
+
+def test_eq_3_is_twice_the_second_moment() -> None:
+    ((_, computed, _),) = lines_of("Eq. 3")
+    assert computed.startswith("n = 1: 2 × b h³/12")
+    assert computed.endswith("1 × b h³/12")
+
+
+def test_the_claimed_improvement_fails_at_60_degrees() -> None:
+    verdicts = {statement: verdict for statement, _, verdict in lines_of("Abstract")}
+    assert len(verdicts) == 4
+    for statement, verdict in verdicts.items():
+        assert (verdict == HOLDS) == ("30°" in statement), statement
+
+
+def test_the_verdicts_follow_the_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    better = dict(paper.RMS_ERRORS)
+    better["design_2", 60.0, "nonlinear"] = paper.PrintedError(6.0, 10.0)
+    wide = dict.fromkeys(paper.BOUNDS, (0.1, 10.0))
+    monkeypatch.setattr(paper, "RMS_ERRORS", better)
+    monkeypatch.setattr(paper, "BOUNDS", wide)
+    assert [verdict for _, _, verdict in lines_of("Abstract")].count(HOLDS) == 3
+    assert all(verdict == HOLDS for _, _, verdict in lines_of("Table I"))
+
+
+def test_what_was_identified_gets_its_lines() -> None:
+    found = Identified("rubber", 1e9, ("a1",), 0.01, 0, 30)
+    lines = audit({"design_1": found})[-2:]
+    assert "1.0e+09" in lines[0].computed
+    assert "not determined: a1" in lines[0].computed
+    assert lines[1].computed.startswith("0 of 30 seeds")
+    assert all(line.verdict != HOLDS for line in lines)
+
+
+def test_the_table_has_a_row_a_line() -> None:
+    lines = audit({})
+    table = audit_table(lines, "synthetic")
+    assert len(table.rows) == len(lines)
+    assert not table.rows.isna().any(axis=None)
