@@ -22,6 +22,8 @@ class Noise:
         doi:10.1214/aoms/1177731677).
     between : float
         The rest, common to neighbouring samples: trials differ in gain, offset and pace.
+    common : float
+        Standard deviation of the trials' mean deviations over time.
     points : int
         Points of each trial.
     repeated : bool
@@ -31,14 +33,18 @@ class Noise:
     total: float
     white: float
     between: float
+    common: float
     points: int
     repeated: bool = True
 
     @property
     def design_effect(self) -> float:
-        """How many samples of a trial are worth one independent sample, at most (Kish 1965)."""
-        variance = self.white**2 + self.points * self.between**2
-        return max(1.0, variance / self.total**2) if self.total > 0 else 1.0
+        """How many samples of a trial are worth one independent sample (Kish 1965).
+
+        The variance of a trial's mean, over what it would be if its samples were independent.
+        """
+        independent = self.total**2 / self.points
+        return max(1.0, self.common**2 / independent) if self.total > 0 else 1.0
 
 
 def trial_noise(data: StepData, residual_rad: float) -> Noise:
@@ -51,17 +57,23 @@ def trial_noise(data: StepData, residual_rad: float) -> Noise:
     residual_rad : float
         RMS residual of the fit, taken where no experiment has two trials.
     """
-    squares = differences = 0.0
+    squares = differences = means = 0.0
     freedom = 0
     for rows in data.groups.values():
         deviation = data.angle_rad[rows] - data.angle_rad[rows].mean(axis=0)
         squares += float(np.sum(deviation**2))
         differences += float(np.sum(np.diff(deviation, axis=1) ** 2)) / 2.0
+        means += float(np.sum(np.mean(deviation, axis=1) ** 2))
         freedom += rows.size - 1
     if freedom == 0:
-        return Noise(residual_rad, residual_rad, 0.0, data.points, repeated=False)
+        independent = residual_rad / float(np.sqrt(data.points))
+        return Noise(residual_rad, residual_rad, 0.0, independent, data.points, repeated=False)
     total = squares / (freedom * data.points)
     white = min(total, differences / (freedom * (data.points - 1)))
     return Noise(
-        float(np.sqrt(total)), float(np.sqrt(white)), float(np.sqrt(total - white)), data.points
+        total=float(np.sqrt(total)),
+        white=float(np.sqrt(white)),
+        between=float(np.sqrt(total - white)),
+        common=float(np.sqrt(means / freedom)),
+        points=data.points,
     )
