@@ -22,7 +22,7 @@ SIGNALS = ("command", "pressure")
 # Where a command holds until the next sample, a pressure is sampled from a smooth curve.
 HOLD: dict[str, Hold] = {"command": "zero", "pressure": "linear"}
 
-SAMPLE_LIMIT = 20_000
+SAMPLE_LIMIT = 8_000
 """All logs together are thinned to about this many samples, evenly in time."""
 _MIN_SAMPLES = 10
 _LONGEST_GAP = 3.0  # samples: within a longer one the angle is not interpolated
