@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import hashlib
 import os
+import shutil
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -25,12 +29,26 @@ def _kernel_hash() -> str:
     return digest.hexdigest()[:16]
 
 
+def _cache_folder() -> Path:
+    """Return the folder of this source state's kernels: the user's, or one of this process alone.
+
+    Numba itself would fall back to ``__pycache__`` beside the sources, where kernels go stale.
+    """
+    name = _kernel_hash()
+    user = Path(platformdirs.user_cache_dir("spa-fo")) / "numba" / name
+    with contextlib.suppress(OSError):
+        user.mkdir(parents=True, exist_ok=True)
+    if os.access(user, os.W_OK):
+        return user
+    temporary = tempfile.mkdtemp(prefix="spa-fo-numba-")
+    atexit.register(shutil.rmtree, temporary, ignore_errors=True)
+    return Path(temporary)
+
+
 # Numba's cache looks at one file at a time: a kernel inlined from another module goes stale.
 # A cache folder a source state cannot.
 if "NUMBA_CACHE_DIR" not in os.environ:
-    numba.config.CACHE_DIR = str(  # type: ignore[attr-defined]
-        Path(platformdirs.user_cache_dir("spa-fo")) / "numba" / _kernel_hash()
-    )
+    numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
 
 # OpenMP launches a parallel loop in 1 µs, workqueue in 80 µs (200 evaluations: 97 against 260 µs).
 # Where the system has no libgomp, workqueue, which is always there, takes its place; it must not
