@@ -49,10 +49,10 @@ def test_the_verdicts_follow_the_numbers(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_what_was_identified_gets_its_lines() -> None:
-    found = Identified("rubber", 1e9, ("a1",), 0.01, 0, 30)
+    found = Identified("rubber", 1e9, ("a1",), "a1", 0.05, 16.0, 0.013, 0, 30)
     lines = audit({"design_1": found})[-2:]
     assert "1.0e+09" in lines[0].computed
-    assert "not determined: a1" in lines[0].computed
+    assert "not determined: a1; with a1 anywhere in 0.05–16" in lines[0].computed
     assert lines[1].computed.startswith("0 of 30 seeds")
     assert all(line.verdict != HOLDS for line in lines)
 

@@ -360,10 +360,12 @@ def _uncertainty(assessed: Uncertainty) -> dict[str, Any]:
         "condition_number": assessed.covariance.condition_number,
         "standard_error": dict(zip(QUANTITIES, assessed.covariance.standard_error, strict=True)),
         "correlation": assessed.covariance.correlation,
-        "profiles": [asdict(profile) for profile in assessed.profiles],
+        "profiles": [
+            asdict(profile) | {"likely_change_deg": profile.likely_change_deg}
+            for profile in assessed.profiles
+        ],
         "undetermined": assessed.undetermined,
-        "freest": assessed.freest.name,
-        "curve_change_deg": float(np.max(assessed.freest.curve_change_deg)),
+        "widest": assessed.widest.name,
         "bootstrap": None,
     }
     if assessed.bootstrap is not None:

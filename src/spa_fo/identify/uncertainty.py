@@ -148,11 +148,6 @@ class Uncertainty:
         return tuple(p.name for p in self.profiles if p.name != "K" and not p.determined)
 
     @property
-    def freest(self) -> Profile:
-        """The parameter that changes the refitted curve least, held anywhere in its bounds."""
-        return min(self.profiles[:-1], key=lambda p: float(np.max(p.curve_change_deg)))
-
-    @property
     def widest(self) -> Profile:
         """The parameter whose 95 % interval is widest beside its value."""
         return max(self.profiles[:-1], key=lambda p: (p.high_95 - p.low_95) / abs(p.estimate))

@@ -33,9 +33,13 @@ class Identified:
         Of the Fisher information of the five parameters.
     undetermined : tuple of str
         Parameters that the data do not determine.
+    widest : str
+        The parameter whose 95 % interval is widest beside its value.
+    low, high : float
+        That interval.
     curve_change_deg : float
-        Largest change of the fitted curve while the least determined parameter is held anywhere
-        within its bounds and the others are fitted again.
+        Largest change of the fitted curve while that parameter is held anywhere in its interval
+        and the others are fitted again.
     swarm_hits, swarm_seeds : int
         In how many of how many seeds the paper's swarm came within 1 % of the least squares.
     """
@@ -43,6 +47,9 @@ class Identified:
     label: str
     condition_number: float
     undetermined: tuple[str, ...]
+    widest: str
+    low: float
+    high: float
     curve_change_deg: float
     swarm_hits: int
     swarm_seeds: int
@@ -236,8 +243,9 @@ def _identifiability(result: Identified) -> AuditLine:
         "Sec. on PSO",
         f"{result.label}: step responses identify the five parameters",
         f"condition number of the Fisher information {result.condition_number:.1e}; not "
-        f"determined: {', '.join(result.undetermined) or 'none'}; the curve changes by at most "
-        f"{result.curve_change_deg:.3f}° over the least determined one's range",
+        f"determined: {', '.join(result.undetermined) or 'none'}; with {result.widest} anywhere in "
+        f"{result.low:.3g}–{result.high:.3g} the refitted curve moves by at most "
+        f"{result.curve_change_deg:.2f}°",
         FAILS if result.undetermined else HOLDS,
     )
 

@@ -209,12 +209,18 @@ def _identified(materials: Sequence[PublishedMaterial]) -> dict[str, Identified]
         if material.design is None or material.comparison is None:
             continue
         uncertainty = material.fit["uncertainty"]
+        widest = next(
+            entry for entry in uncertainty["profiles"] if entry["name"] == uncertainty["widest"]
+        )
         repeats = material.comparison["swarm_repeats"][-1]
         found[material.design] = Identified(
             label=paper.MATERIALS[material.design],
             condition_number=uncertainty["condition_number"],
             undetermined=tuple(uncertainty["undetermined"]),
-            curve_change_deg=uncertainty["curve_change_deg"],
+            widest=widest["name"],
+            low=widest["low_95"],
+            high=widest["high_95"],
+            curve_change_deg=widest["likely_change_deg"],
             swarm_hits=repeats["hits"],
             swarm_seeds=repeats["seeds"],
         )
