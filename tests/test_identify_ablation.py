@@ -104,3 +104,23 @@ def test_without_a_repeated_trial_it_says_so(tmp_path: Path) -> None:
     verdict = ablation_verdict(ablate(single, options))
     assert "too few trials" in verdict.datasets
     assert verdict.outliers == "Outliers were not tried."
+
+
+def test_a_campaign_of_four_trials_gets_words_without_gaps(tmp_path: Path) -> None:
+    folder = tmp_path / "steps"
+    folder.mkdir()
+    campaigns.step_campaign(folder, trials=2)
+    few = read_trials(read_campaign(folder))
+    options = AblationOptions(points=(20,), outliers=(0.1,), subsets=8)
+    verdict = ablation_verdict(ablate(few, options))
+    assert "nan" not in verdict.datasets + verdict.outliers
+    assert all(np.isfinite(value) for value in verdict.numbers.values())
+    # All four together are the fit to all: spikes are held against its error, not against zero.
+    assert 1.5 < verdict.numbers["outlier_harm"] < 100
+
+
+@pytest.mark.parametrize(("ratio", "words"), [(2.0, "average the noise"), (1.05, "differ among")])
+def test_what_points_buy_follows_the_numbers(table: pd.DataFrame, ratio: float, words: str) -> None:
+    spread = np.where(table["points"] == 20, ratio, 1.0)
+    verdict = ablation_verdict(table.assign(curve_spread_deg=spread))
+    assert words in verdict.datasets

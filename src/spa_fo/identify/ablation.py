@@ -43,9 +43,10 @@ class AblationOptions:
     Attributes
     ----------
     points : tuple of int
-        Points of each data set, without outliers.
+        Points of each data set, without outliers; the paper's 50 are always among them.
     outliers : tuple of float
-        Fractions of samples replaced by spikes, at the paper's 50 points.
+        Fractions of samples replaced by spikes, at the paper's 50 points; none (0) is always
+        among them.
     outlier_deg : float
         Height of a spike, of either sign.
     losses : tuple of str
@@ -97,15 +98,12 @@ def ablate(data: CampaignData, options: AblationOptions, seed: int = 1) -> pd.Da
             study = _Study(group, steps.select(members), response, bounds, options, seed)
             rows += study.rows(0.0, "linear")
             if points == POINTS:
-                for outliers in options.outliers:
+                for outliers in dict.fromkeys((0.0, *options.outliers)):
                     for loss in options.losses:
                         if outliers > 0.0 or loss != "linear":
                             rows += study.rows(outliers, loss)
-    table = pd.DataFrame(rows)
-    if POINTS not in options.points:
-        table = table[(table["points"] != POINTS) | (table["outliers"] > 0)]
     keys = ["group", "loss", "outliers", "points", "datasets"]
-    return table.sort_values(keys, ignore_index=True)
+    return pd.DataFrame(rows).sort_values(keys, ignore_index=True)
 
 
 def _bounds(steps: StepData, seed: int) -> Bounds:
@@ -303,7 +301,7 @@ class AblationVerdict:
 _KNEE = 0.15
 """An exponent this near to that of 1/sqrt(n) is a plain average: there is no threshold."""
 _HARM = 1.5
-"""Outliers that multiply the curve's error by less than this do little harm."""
+"""Outliers that move the curve by less than this times its own error do little harm."""
 
 
 def ablation_verdict(table: pd.DataFrame) -> AblationVerdict:
@@ -323,21 +321,27 @@ def ablation_verdict(table: pd.DataFrame) -> AblationVerdict:
     clean = table[(table["loss"] == "linear") & (table["outliers"] == 0)]
     sentences = [_scaling(clean[clean["group"] == group], group, numbers) for group in groups]
     return AblationVerdict(
-        datasets=" ".join([*sentences, _points_verdict(clean, together, numbers)]),
+        datasets=" ".join([*sentences, _points_verdict(clean, together, numbers)]).strip(),
         outliers=_outliers_verdict(table[table["group"] == together], numbers),
         numbers=numbers,
     )
 
 
+def nearest_datasets(rows: pd.DataFrame) -> int:
+    """Return the number of data sets in `rows` that is nearest to the paper's."""
+    sizes = rows["datasets"].unique()
+    return int(sizes[np.argmin(np.abs(sizes - DATASETS))])
+
+
 def _scaling(clean: pd.DataFrame, group: str, numbers: dict[str, float]) -> str:
     """Say how curve and parameters depend on the number of data sets of one experiment."""
-    points = POINTS if (clean["points"] == POINTS).any() else int(clean["points"].max())
-    rows = clean[(clean["points"] == points) & clean["curve_spread_deg"].notna()]
-    rows = rows.set_index("datasets").sort_index()
+    rows = clean[(clean["points"] == POINTS) & clean["curve_spread_deg"].notna()]
     if len(rows) < 2:
         return f"{group}: too few trials to tell."
+    four = nearest_datasets(rows)
+    rows = rows.set_index("datasets").sort_index()
     n = rows.index.to_numpy(dtype=float)
-    four, last = int(n[np.argmin(np.abs(n - DATASETS))]), int(n[-1])
+    last = int(n[-1])
     curve = rows["curve_spread_deg"]
     exponent = float(np.polyfit(np.log(n), np.log(curve), 1)[0])
     share = {
@@ -372,29 +376,40 @@ def _scaling(clean: pd.DataFrame, group: str, numbers: dict[str, float]) -> str:
 def _points_verdict(clean: pd.DataFrame, group: str, numbers: dict[str, float]) -> str:
     """Say what more points buy at the paper's number of data sets, and what four data sets do."""
     rows = clean[clean["group"] == group]
-    sizes = rows["datasets"].unique()
-    four = int(sizes[np.argmin(np.abs(sizes - DATASETS))])
+    four = nearest_datasets(rows)
     rows = rows[rows["datasets"] == four].set_index("points").sort_index()
-    few, many = int(rows.index[0]), int(rows.index[-1])
-    spread, left = rows["curve_spread_deg"], rows["left_out_mean_deg"]
-    numbers |= {
-        f"curve_spread_deg_{few}_points": float(spread.iloc[0]),
-        f"curve_spread_deg_{many}_points": float(spread.iloc[-1]),
-        "left_out_mean_deg": float(left.iloc[-1]),
-    }
-    return (
-        f"With {four} data sets {few} points each give {spread.iloc[0]:.2f}°, {many} points "
-        f"{spread.iloc[-1]:.2f}°: trials differ among themselves by more than points can average. "
-        f"Against the mean of trials left out the error is {left.iloc[-1]:.2f}°."
-    )
+    left_out = float(rows["left_out_mean_deg"].iloc[-1])
+    rows = rows[rows["curve_spread_deg"].notna()]
+    sentences = []
+    if len(rows) > 1:
+        few, many = int(rows.index[0]), int(rows.index[-1])
+        coarse, fine = (float(rows["curve_spread_deg"].iloc[i]) for i in (0, -1))
+        numbers |= {
+            f"curve_spread_deg_{few}_points": coarse,
+            f"curve_spread_deg_{many}_points": fine,
+        }
+        # Independent noise would fall by sqrt(many / few): at least half of that, as a power?
+        averages = coarse / fine >= (many / few) ** 0.25
+        sentences.append(
+            f"With {four} data sets {few} points each give {coarse:.2f}°, {many} points "
+            f"{fine:.2f}°: "
+            + (
+                "more points average the noise."
+                if averages
+                else "trials differ among themselves by more than points can average."
+            )
+        )
+    if np.isfinite(left_out):
+        numbers["left_out_mean_deg"] = left_out
+        sentences.append(f"Against the mean of trials left out the error is {left_out:.2f}°.")
+    return " ".join(sentences)
 
 
 def _outliers_verdict(rows: pd.DataFrame, numbers: dict[str, float]) -> str:
     chosen = rows[rows["points"] == POINTS]
-    if chosen.empty or chosen["outliers"].max() == 0:
+    if chosen["outliers"].max() == 0:
         return "Outliers were not tried."
-    sizes = chosen["datasets"].unique()
-    four = int(sizes[np.argmin(np.abs(sizes - DATASETS))])
+    four = nearest_datasets(chosen)
     chosen = chosen[chosen["datasets"] == four]
     worst = float(chosen["outliers"].max())
     error = {
@@ -406,13 +421,14 @@ def _outliers_verdict(rows: pd.DataFrame, numbers: dict[str, float]) -> str:
     losses = sorted({loss for loss, _ in error}, key=lambda loss: loss != "linear")
     parts = []
     for loss in losses:
-        clean, spoilt = error.get((loss, 0.0), float("nan")), error[loss, worst]
+        clean, spoilt = error[loss, 0.0], error[loss, worst]
         numbers[f"{loss}.from_all_deg_clean"] = clean
         numbers[f"{loss}.from_all_deg_outliers"] = spoilt
         name = "least squares" if loss == "linear" else f"the robust loss {loss}"
         parts.append(f"from {clean:.2f}° to {spoilt:.2f}° by {name}")
-    clean = error.get(("linear", 0.0), 0.0)
-    harm = error[losses[0], worst] / clean if clean > 0 else float("nan")
+    # Beside what the trials' own scatter does to the curve: a fit to all of them moves by nothing.
+    scatter = max(error[losses[0], 0.0], float(chosen["theory_deg"].iloc[0]), 1e-9)
+    harm = error[losses[0], worst] / scatter
     numbers["outlier_harm"] = harm
     word = "Confirmed" if harm >= _HARM else "Not confirmed here"
     return (

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from spa_fo.identify.ablation import ALL
+from spa_fo.identify.ablation import ALL, nearest_datasets
 from spa_fo.identify.uncertainty import QUANTITIES
 from spa_fo.plant.paper import DATASETS, POINTS
 from spa_fo.report.figures import QUANTITY_NAMES
@@ -102,17 +101,9 @@ def ablation_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _nearest_points(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows at the paper's number of points, or at the nearest there is."""
-    sizes = rows["points"].unique()
-    nearest: pd.DataFrame = rows[rows["points"] == sizes[np.argmin(np.abs(sizes - POINTS))]]
-    return nearest
-
-
 def _curve_panel(axes: Axes, clean: pd.DataFrame) -> None:
-    for (group, rows), marker in zip(
-        _nearest_points(clean).groupby("group"), _MARKERS, strict=False
-    ):
+    at_points = clean[clean["points"] == POINTS]
+    for (group, rows), marker in zip(at_points.groupby("group"), _MARKERS, strict=False):
         if group == ALL:
             continue
         (line,) = axes.plot(
@@ -149,7 +140,7 @@ def _left_out_panel(axes: Axes, rows: pd.DataFrame) -> None:
 
 
 def _parameter_panel(axes: Axes, rows: pd.DataFrame) -> None:
-    chosen = _nearest_points(rows)
+    chosen = rows[rows["points"] == POINTS]
     for name, marker in zip(QUANTITIES, _MARKERS, strict=True):
         share = 100.0 * chosen[f"{name}_spread"] / chosen[f"{name}_median"].abs()
         label = QUANTITY_NAMES[name]
@@ -162,9 +153,8 @@ def _parameter_panel(axes: Axes, rows: pd.DataFrame) -> None:
 
 
 def _outlier_panel(axes: Axes, rows: pd.DataFrame) -> None:
-    chosen = _nearest_points(rows)
-    sizes = chosen["datasets"].unique()
-    datasets = int(sizes[np.argmin(np.abs(sizes - DATASETS))])
+    chosen = rows[rows["points"] == POINTS]
+    datasets = nearest_datasets(chosen)
     chosen = chosen[chosen["datasets"] == datasets]
     losses = sorted(chosen["loss"].unique(), key=list(_LOSS_NAMES).index)
     for loss, marker in zip(losses, _MARKERS, strict=False):
