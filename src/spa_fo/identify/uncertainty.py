@@ -1,8 +1,9 @@
 """How well the data determine the parameters: covariance, profile likelihood, trial bootstrap.
 
-Noise is the trials' own scatter (`noise`). Samples of one trial deviate together, so chi-square
-is divided by the design effect; and where the model misses the mean response by more than noise
-explains, errors grow by sqrt(chi-square / degrees of freedom), as the Particle Data Group does.
+Noise is the trials' own scatter (`noise`). Samples of one trial deviate together, so one sample's
+variance is multiplied by the design effect; and where the model misses the mean response by more
+than noise explains, errors grow by sqrt(chi-square / degrees of freedom), as the Particle Data
+Group does (the design effect divides both, and so leaves their ratio as it is).
 
 A parameter counts as *determined* when its 95 % profile interval is closed within the bounds and
 narrower than ±10 % of the estimate.
@@ -174,7 +175,7 @@ def assess(data: StepData, optimum: Optimum, seed: int = 1, bootstrap: int = 400
     response = step_map(data.t)
     noise = trial_noise(data, optimum.rmse)
     chi_square, dof = _lack_of_fit(data, optimum, response, noise)
-    scale = max(1.0, float(np.sqrt(chi_square / noise.design_effect / dof)))
+    scale = max(1.0, float(np.sqrt(chi_square / dof)))
     # One sample's variance as it enters errors of estimates.
     variance = max(noise.total, 1e-12) ** 2 * noise.design_effect * scale**2
     draws = Draws.from_seed(seed)
@@ -201,7 +202,8 @@ def _lack_of_fit(
         dof = max(data.angle_rad.size - free, 1)
         return float(dof), dof
     chi_square = sum(
-        rows.size * float(np.sum((data.angle_rad[rows].mean(axis=0) - data.u[rows[0]] * y) ** 2))
+        rows.size
+        * float(np.sum((data.angle_rad[rows].mean(axis=0) - data.u[rows].mean() * y) ** 2))
         for rows in data.groups.values()
     )
     return chi_square / variance, max(len(data.groups) * data.points - free, 1)
