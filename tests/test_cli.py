@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -320,6 +321,25 @@ def test_bad_bounds(
 def test_a_place_that_cannot_be_written(steps: Path, capsys: pytest.CaptureFixture[str]) -> None:
     line = refused(["fit", str(steps), "--out", "/proc/model.json"], capsys)
     assert "/proc/model.json: cannot be written" in line
+
+
+def test_a_negative_seed(steps: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "model.json"
+    with pytest.raises(SystemExit) as left:
+        main(["fit", str(steps), "--out", str(out), "--seed=-1"])
+    assert left.value.code == 2
+    assert "expected a whole number from 0, found '-1'" in capsys.readouterr().err
+
+
+def test_a_terminal_of_another_encoding(steps: Path, tmp_path: Path) -> None:
+    run = subprocess.run(
+        [sys.executable, "-m", "spa_fo.cli", "fit", str(steps), "--out", str(tmp_path / "m.json")],
+        env=dict(os.environ) | {"PYTHONIOENCODING": "latin-1"},
+        capture_output=True,
+        check=False,
+    )
+    assert run.returncode == 0
+    assert b"?\xb2/dof" in run.stdout
 
 
 def test_a_closed_pipe_is_no_error(steps: Path) -> None:

@@ -6,6 +6,7 @@ Every command leaves with 0 when done and with 2 on bad input, after one clear l
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the process's exit code is returned, or raised as SystemExit."""
     options = _parser().parse_args(arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A terminal of another encoding shows a question mark for χ; it is no reason to fail.
+        sys.stdout.reconfigure(errors="replace")
     with bad_input_exits(), closed_pipe_is_no_error():
         options.run(options)
     return 0
@@ -96,7 +100,7 @@ def _add_fit(commands: Commands) -> None:
     )
     _add_campaign(parser)
     parser.add_argument("--out", metavar="MODEL.json", type=Path, required=True)
-    parser.add_argument("--seed", type=int, default=1, help="of the swarm (default: 1)")
+    parser.add_argument("--seed", type=_seed, default=1, help="of the swarm (default: 1)")
     parser.add_argument(
         "--whole-logs",
         action="store_true",
@@ -116,6 +120,12 @@ def _add_fit(commands: Commands) -> None:
         help="search a parameter (alpha2, alpha1, a1, a0, b0) within these bounds; may be repeated",
     )
     parser.set_defaults(run=_fit)
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected a whole number from 0, found {text!r}")
+    return int(text)
 
 
 def _fit(options: argparse.Namespace) -> None:
