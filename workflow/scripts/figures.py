@@ -12,7 +12,7 @@ from spa_fo.rig import read_campaign, read_trials
 
 
 def load(path):
-    return json.loads(Path(path).read_text())
+    return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
 with workflow_step(snakemake.log[0], snakemake.threads):

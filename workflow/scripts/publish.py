@@ -13,7 +13,7 @@ from spa_fo.rig import read_campaign
 
 
 def load(path):
-    return json.loads(Path(path).read_text())
+    return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
 with workflow_step(snakemake.log[0], snakemake.threads):
@@ -26,8 +26,8 @@ with workflow_step(snakemake.log[0], snakemake.threads):
             comparison=load(snakemake.input.comparisons[i]),
             verdict=load(snakemake.input.ablation_verdicts[i]),
             ablation=pd.read_csv(snakemake.input.ablations[i]),
-            fit_report=Path(snakemake.input.reports[i]).read_text(),
-            parse_report=Path(snakemake.input.parse_reports[i]).read_text(),
+            fit_report=Path(snakemake.input.reports[i]).read_text(encoding="utf-8"),
+            parse_report=Path(snakemake.input.parse_reports[i]).read_text(encoding="utf-8"),
             figures=tuple(p.stem for p in sorted(Path(snakemake.input.figures[i]).glob("*.png"))),
         )
         for i, (name, entry) in enumerate(snakemake.params.materials.items())
