@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.special import chdtri
+from scipy.stats import chi2
 
+from spa_fo.identify.uncertainty import LEVELS
 from spa_fo.report.style import (
     BLACK,
     BLUE,
@@ -240,9 +241,7 @@ QUANTITY_NAMES = {
     "b0": "$b_0$",
     "K": "$K = b_0/a_0$ (rad)",
 }
-_LEVELS = {f"{100 * p:g} %": float(chdtri(1, 1 - p)) for p in (0.68, 0.95)}
-
-
+_RISES = {f"{100 * level:g} %": float(chi2.ppf(level, 1)) for level in LEVELS}
 _HIGHEST_RISE = 6.0
 
 
@@ -262,11 +261,11 @@ def identifiability_figure(profiles: Sequence[Profile]) -> Figure:
     figure = new_figure(TWO_COLUMNS_IN, 3.6, mosaic)
     for axes, profile in zip(figure.axes, profiles, strict=True):
         axes.plot(profile.values, profile.rise, color=BLUE, linestyle="-")
-        for label, level in _LEVELS.items():
-            axes.axhline(level, color=GREY, linestyle="--", linewidth=0.7)
+        for label, rise in _RISES.items():
+            axes.axhline(rise, color=GREY, linestyle="--", linewidth=0.7)
             axes.annotate(
                 label,
-                (1.0, level),
+                (1.0, rise),
                 xycoords=("axes fraction", "data"),
                 ha="right",
                 va="bottom",

@@ -17,7 +17,7 @@ TWO_COLUMNS_IN = 7.16
 
 # Okabe and Ito's palette, safe for the colour-blind (https://jfly.uni-koeln.de/color/).
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
+BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY = "#999999"
 
 _STYLE = Path(__file__).with_name("spa_fo.mplstyle")
