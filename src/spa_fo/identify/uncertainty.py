@@ -1,9 +1,9 @@
 """How well the data determine the parameters: covariance, profile likelihood, trial bootstrap.
 
-Noise is the trials' own scatter (`noise`). Samples of one trial deviate together, so one sample's
-variance is multiplied by the design effect; and where the model misses the mean response by more
-than noise explains, errors grow by sqrt(chi-square / degrees of freedom), as the Particle Data
-Group does (the design effect divides both, and so leaves their ratio as it is).
+Noise is the trials' own scatter (`noise`). Samples of one trial deviate together, so its variance
+is multiplied by the design effect. Where the model's misses of the mean response, taken as
+independent from sample to sample, come to more than that (chi-square / degrees of freedom above
+the design effect), errors rest on them instead.
 
 A parameter counts as *determined* when its 95 % profile interval is closed within the bounds and
 narrower than ±10 % of the estimate.
@@ -132,7 +132,7 @@ class Uncertainty:
         Of the mean responses against the model, in units of the trials' scatter of a mean,
         samples of one trial taken as independent.
     scale : float
-        Factor on all errors for lack of fit, at least 1.
+        Factor on all errors where lack of fit exceeds the trials' scatter, at least 1.
     """
 
     noise: Noise
@@ -175,7 +175,7 @@ def assess(data: StepData, optimum: Optimum, seed: int = 1, bootstrap: int = 400
     response = step_map(data.t)
     noise = trial_noise(data, optimum.rmse)
     chi_square, dof = _lack_of_fit(data, optimum, response, noise)
-    scale = max(1.0, float(np.sqrt(chi_square / dof)))
+    scale = max(1.0, float(np.sqrt(chi_square / dof / noise.design_effect)))
     # One sample's variance as it enters errors of estimates.
     variance = max(noise.total, 1e-12) ** 2 * noise.design_effect * scale**2
     draws = Draws.from_seed(seed)
