@@ -3,7 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spa_fo.identify.baselines import fit_ludwick, fit_ludwick_literature, fit_second_order
+from spa_fo.identify.baselines import (
+    fit_ludwick,
+    fit_ludwick_literature,
+    fit_ludwick_per_step,
+    fit_second_order,
+)
 from spa_fo.identify.protocol import StepData
 from spa_fo.plant.ludwick import Ludwick, ludwick_step
 from spa_fo.plant.second_order import second_order_step
@@ -62,3 +67,11 @@ def test_the_second_order_model_finds_its_own_curves() -> None:
     found = fit_second_order(data)
     expected = {"gain": 0.5, "damping_ratio": 0.4, "natural_frequency": 1.3}
     assert found.parameters == pytest.approx(expected, rel=0.01)
+
+
+def test_a_force_for_each_step_never_fits_worse() -> None:
+    truth = Ludwick(1.3, 0.3, 2.5, 1.4)
+    data = data_of([ludwick_step(T, u, truth) for u in U])
+    common, each = fit_ludwick_literature(data, 2.365), fit_ludwick_per_step(data, 2.365)
+    assert rms(each.step, data) < rms(common.step, data)
+    assert set(each.fitted) == {"force at u = 1.000", "force at u = 2.000"}

@@ -11,7 +11,7 @@ from spa_fo.errors import BadInput
 from spa_fo.fractional import simulate, step_response
 from spa_fo.identify import Bounds, fit_whole_logs, free_bounds, log_data, widened_bounds
 from spa_fo.identify.moderate import moderate_optimum
-from spa_fo.identify.whole_log import SAMPLE_LIMIT, LogData
+from spa_fo.identify.whole_log import SAMPLE_LIMIT, LogData, log_errors
 from spa_fo.rig import Trial
 
 STAIRS = np.repeat([0.0, 15.0, 30.0, 20.0, 0.0], 200)
@@ -144,3 +144,22 @@ def test_real_soft_arm(shared_data: Path) -> None:
     spread = np.concatenate([log.angle_rad[log.known] for log in logs]).std()
     assert len(logs) == 5
     assert found.rmse < 0.6 * spread
+
+
+def test_errors_are_those_of_logs_not_of_samples() -> None:
+    factors = np.array([0.9, 0.95, 1.0, 1.02, 1.06, 1.1])
+    logs = [
+        log_data([trial(STAIRS[:500], 25.0, x=TRUTH * [1, 1, 1, 1, f])], 30.0)[0] for f in factors
+    ]
+    found = fit_whole_logs(logs, free_bounds(1.0))
+    errors = log_errors(logs, found)
+    assert errors is not None
+    expected = gain(TRUTH) * np.std(factors, ddof=1) / np.sqrt(factors.size)
+    assert errors[5] == pytest.approx(expected, rel=0.05)
+    # The logs differ in gain alone, by 7 %; the rest varies within the flat valley of the fit.
+    assert np.all(errors[:4] < 0.02 * found.x[:4])
+
+
+def test_a_single_log_tells_no_errors() -> None:
+    logs = log_data([trial(STAIRS[:500], 25.0)], 30.0)
+    assert log_errors(logs, fit_whole_logs(logs, free_bounds(1.0))) is None

@@ -78,8 +78,10 @@ def test_the_papers_errors_stand_beside_the_models_that_are_its_own(
     assert found == {
         (30.0, "swarm 200×10, widened bounds"): 1.24,
         (30.0, "Ludwick, n from the literature"): 4.75,
+        (30.0, "Ludwick, n from the literature, a force a setpoint"): 4.75,
         (60.0, "swarm 200×10, widened bounds"): 2.52,
         (60.0, "Ludwick, n from the literature"): 3.42,
+        (60.0, "Ludwick, n from the literature, a force a setpoint"): 3.42,
     }
     assert (rows["here (%)"] * rows["setpoint (°)"] / 100).to_numpy() == pytest.approx(
         rows["here (°)"].to_numpy()

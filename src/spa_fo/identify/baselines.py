@@ -1,8 +1,8 @@
 """The models that the fractional one is held against, fitted to the same step responses.
 
 Ludwick's model (Eq. 5 and 22 of arXiv:2512.18213) with its constants from the literature, where
-only the force scale that the paper does not print is fitted; the same with all four refitted; and
-the linear second-order model.
+only the force scale that the paper does not print is fitted, in common or one for each setpoint;
+the same with all four refitted; and the linear second-order model.
 """
 
 from __future__ import annotations
@@ -37,6 +37,10 @@ class Baseline:
     ----------
     name : str
         For tables and legends.
+    kind : str
+        "ludwick" or "second order".
+    source : str
+        How its parameters came about: "literature", "literature per setpoint" or "refitted".
     parameters : Mapping[str, float]
         Values in SI units, angles in rad.
     fitted : tuple of str
@@ -46,6 +50,8 @@ class Baseline:
     """
 
     name: str
+    kind: str
+    source: str
     parameters: Mapping[str, float]
     fitted: tuple[str, ...]
     step: StepFunction
@@ -72,7 +78,38 @@ def fit_ludwick_literature(data: StepData, exponent: float) -> Baseline:
         lambda p: _ludwick(model(float(p[0]))),
         [np.array([max(NATURAL_FREQUENCY**2 * level, 10 * _LOWEST)])],
     )
-    return _ludwick_baseline("Ludwick, n from the literature", model(float(force)), ("force",))
+    name = "Ludwick, n from the literature"
+    return _ludwick_baseline(name, "literature", model(float(force)), ("force",))
+
+
+def fit_ludwick_per_step(data: StepData, exponent: float) -> Baseline:
+    """Fit one force for each height of the step: the reading that favours the baseline most.
+
+    The paper does not print F/M, nor how it depends on the pressure.
+
+    Parameters
+    ----------
+    data : StepData
+        Step responses.
+    exponent : float
+        n + Δn of Ludwick's law.
+    """
+    heights = np.unique(data.u)
+    parts = [
+        fit_ludwick_literature(data.select(np.flatnonzero(data.u == u)), exponent) for u in heights
+    ]
+
+    def step(t: Floats, u: float) -> Floats:
+        return parts[int(np.argmin(np.abs(heights - u)))].step(t, u)
+
+    forces = {
+        f"force at u = {u:.3f}": part.parameters["force"]
+        for u, part in zip(heights, parts, strict=True)
+    }
+    constants = {key: value for key, value in parts[0].parameters.items() if key != "force"}
+    name = "Ludwick, n from the literature, a force a setpoint"
+    source = "literature per setpoint"
+    return Baseline(name, "ludwick", source, {**constants, **forces}, tuple(forces), step)
 
 
 def fit_ludwick(data: StepData) -> Baseline:
@@ -86,7 +123,7 @@ def fit_ludwick(data: StepData) -> Baseline:
     ]
     best = _fit(data, lambda p: _ludwick(Ludwick(*(float(v) for v in p))), starts)
     model = Ludwick(*(float(value) for value in best))
-    return _ludwick_baseline("Ludwick, refitted", model, tuple(_parameters(model)))
+    return _ludwick_baseline("Ludwick, refitted", "refitted", model, tuple(_parameters(model)))
 
 
 def fit_second_order(data: StepData) -> Baseline:
@@ -104,15 +141,16 @@ def fit_second_order(data: StepData) -> Baseline:
     best = _fit(data, step_of, starts)
     names = ("gain", "damping_ratio", "natural_frequency")
     parameters = dict(zip(names, best.tolist(), strict=True))
-    return Baseline("linear second order, refitted", parameters, names, step_of(best))
+    name = "linear second order, refitted"
+    return Baseline(name, "second order", "refitted", parameters, names, step_of(best))
 
 
 def _ludwick(model: Ludwick) -> StepFunction:
     return lambda t, u: ludwick_step(t, u, model)
 
 
-def _ludwick_baseline(name: str, model: Ludwick, fitted: tuple[str, ...]) -> Baseline:
-    return Baseline(name, _parameters(model), fitted, _ludwick(model))
+def _ludwick_baseline(name: str, source: str, model: Ludwick, fitted: tuple[str, ...]) -> Baseline:
+    return Baseline(name, "ludwick", source, _parameters(model), fitted, _ludwick(model))
 
 
 def _parameters(model: Ludwick) -> dict[str, float]:

@@ -7,6 +7,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spa_fo.identify.uncertainty import QUANTITIES, Profile, Uncertainty
 from spa_fo.plant import PARAMETERS
@@ -21,7 +22,7 @@ _WIDTH = 96
 
 
 def fit_report(result: FitResult) -> str:
-    """Return the report as text, at most 96 columns wide."""
+    """Return the report as text for one screen."""
     lines = [*_head(result), "", *_parameter_lines(result), "", *_error_lines(result)]
     strong = strong_correlations(result.uncertainty) if result.uncertainty else []
     if strong:
@@ -109,15 +110,14 @@ def _rows(result: FitResult) -> list[list[str]]:
         at_bound = f"at {marks[name]} bound" if name in marks else ""
         note = at_bound or _UNITS.get(name, "")
         if assessed is None:
-            rows.append([name, f"{value:.4f}", "", "", "", "", note])
+            rows.append([name, f"{value:.4f}", _error(result.log_errors, i), "", "", "", note])
             continue
-        error = assessed.covariance.standard_error[i]
         profile, b = assessed.profiles[i], assessed.bootstrap
         rows.append(
             [
                 name,
                 f"{value:.4f}",
-                "" if np.isnan(error) else f"± {error:.2g}",
+                _error(assessed.covariance.standard_error, i),
                 _interval(profile),
                 "" if b is None else f"{b.low[i]:.3g} .. {b.high[i]:.3g}",
                 "yes" if profile.determined else "no",
@@ -125,6 +125,10 @@ def _rows(result: FitResult) -> list[list[str]]:
             ]
         )
     return rows
+
+
+def _error(errors: NDArray[np.float64] | None, i: int) -> str:
+    return "" if errors is None or np.isnan(errors[i]) else f"± {errors[i]:.2g}"
 
 
 def _interval(profile: Profile) -> str:
@@ -149,7 +153,7 @@ def _error_lines(result: FitResult) -> list[str]:
 def _wrapped(lead: str, words: list[str], joint: str) -> list[str]:
     """Break a text after spaces so that no line passes the width; later lines are indented."""
     lines, line = [], lead
-    for word in (lead + joint.join(words))[len(lead) :].split(" "):
+    for word in joint.join(words).split(" "):
         if len(line) + len(word) > _WIDTH and line.strip():
             lines.append(line.rstrip())
             line = "  "

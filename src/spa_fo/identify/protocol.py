@@ -104,7 +104,7 @@ def step_data(
     The window of a trial runs from the first rise of its command to the next change or the end.
     The angle is interpolated linearly between valid samples; those after a reset of the board,
     whose time is an estimate, are not used. Where a trial's command starts above zero the step is
-    its rise. All windows are cut to the shortest. A trial that lost most of its window to a gap
+    its rise; where it does not rise any further, it rose at the first sample, from zero. All windows are cut to the shortest. A trial that lost most of its window to a gap
     or a reset is left out, and so is one much shorter than the others.
 
     Parameters
@@ -207,9 +207,14 @@ def _window(trial: Trial, source: Path | str) -> _Window | str:
     """Cut the first up-step out of a trial, or say why it is left out."""
     command = trial.command_kpa
     assert command is not None
+    base = float(command[0])
     tolerance = _CHANGE * float(np.ptp(command))
-    risen = np.flatnonzero(command > command[0] + tolerance)
-    if tolerance == 0.0 or risen.size == 0:
+    risen = np.flatnonzero(command > base + tolerance)
+    if risen.size == 0:  # at rest before the log begins
+        base = 0.0
+        tolerance = _CHANGE * float(command.max())
+        risen = np.flatnonzero(command > tolerance)
+    if tolerance <= 0.0 or risen.size == 0:
         raise BadInput(source, "expected a step, but the command never rises", trial.label)
     first = int(risen[0])
     after = np.flatnonzero(np.abs(command[first:] - command[first]) > tolerance)
@@ -231,5 +236,5 @@ def _window(trial: Trial, source: Path | str) -> _Window | str:
     longest = float(np.diff(t, prepend=0.0).max())
     if longest > _MOST * t[-1]:
         return f"a gap of {longest:.3g} s in a step of {t[-1]:.3g} s"
-    rise = float(command[first] - command[0])
+    rise = float(command[first] - base)
     return _Window(trial, rise, t, trial.angle_deg[used][valid])

@@ -19,6 +19,7 @@ from spa_fo.identify.baselines import (
     Baseline,
     fit_ludwick,
     fit_ludwick_literature,
+    fit_ludwick_per_step,
     fit_second_order,
 )
 from spa_fo.identify.bounds import Bounds, printed_bounds, widened_bounds
@@ -73,7 +74,7 @@ class ModelResult:
     kind : str
         "fractional", "ludwick" or "second order".
     source : str
-        How its parameters came about: "swarm", "optimum", "paper", "literature", "refitted".
+        How its parameters came about: "swarm", "optimum", "paper", or as for `Baseline`.
     bounds : str
         "printed", "widened", "free", or "" where there are none.
     datasets : int
@@ -219,6 +220,7 @@ def _swarm_and_optimum(
 def _baselines(data: StepData, options: Options) -> Iterable[Baseline]:
     if options.ludwick_n is not None:
         yield fit_ludwick_literature(data, options.ludwick_n)
+        yield fit_ludwick_per_step(data, options.ludwick_n)
     yield fit_ludwick(data)
     yield fit_second_order(data)
 
@@ -293,8 +295,8 @@ class _Comparison:
         errors = each - np.degrees(self.data.angle_rad)
         return ModelResult(
             model.name,
-            "second order" if "gain" in model.parameters else "ludwick",
-            "literature" if len(model.fitted) < len(model.parameters) else "refitted",
+            model.kind,
+            model.source,
             "",
             self.data.datasets,
             dict(model.parameters),

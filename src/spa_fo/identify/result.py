@@ -16,7 +16,7 @@ from spa_fo.identify.moderate import WORTH, moderate_optimum
 from spa_fo.identify.polish import Optimum, fit_optimum
 from spa_fo.identify.protocol import StepData, is_step, step_data
 from spa_fo.identify.uncertainty import QUANTITIES, Uncertainty, assess
-from spa_fo.identify.whole_log import LogData, fit_whole_logs, input_of, log_data
+from spa_fo.identify.whole_log import LogData, fit_whole_logs, input_of, log_data, log_errors
 from spa_fo.plant import PARAMETERS, Model
 from spa_fo.plant.paper import POINTS
 from spa_fo.rig import CampaignData, Trial
@@ -71,6 +71,8 @@ class FitResult:
         Responses and samples the fit rests on.
     uncertainty : Uncertainty or None
         None for whole logs.
+    log_errors : (6,) array or None
+        Standard errors of `QUANTITIES` for whole logs; None for up-steps and for a single log.
     left_out : tuple of str
         Trials not used, and why.
     data : StepData or None
@@ -87,6 +89,7 @@ class FitResult:
     uncertainty: Uncertainty | None
     left_out: tuple[str, ...]
     data: StepData | None = None
+    log_errors: Floats | None = None
 
     @property
     def gain(self) -> float:
@@ -129,6 +132,9 @@ class FitResult:
             "samples": self.samples,
             "errors": [asdict(error) for error in self.errors],
             "uncertainty": None if self.uncertainty is None else _uncertainty(self.uncertainty),
+            "log_errors": None
+            if self.log_errors is None
+            else dict(zip(QUANTITIES, self.log_errors, strict=True)),
             "left_out": self.left_out,
             "warnings": self.warnings,
         }
@@ -226,6 +232,7 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
         samples=sum(int(np.count_nonzero(log.known)) for log in logs),
         uncertainty=None,
         left_out=tuple(f"{label}: no {signal} in its log" for label in without),
+        log_errors=log_errors(logs, optimum),
     )
 
 
@@ -342,6 +349,10 @@ def _warnings(result: FitResult) -> list[str]:
                 f"the model misses the mean responses by {times:.1f} times what the trials' "
                 "scatter explains: its form, not noise"
             )
+    elif result.log_errors is None:
+        found.append("a single log: its errors cannot be told")
+    else:
+        found.append("errors are from leaving out one log at a time")
     if result.left_out:
         found.append(f"left out: {'; '.join(result.left_out)}")
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,7 @@ _ORDERS = ((1.9, 1.0), (1.4, 1.2), (1.2, 0.6), (1.0, 0.5), (0.7, 0.3))
 _POLISHED = 3
 _FIRST_EVALUATIONS = 25
 _LAST_EVALUATIONS = 200
+_REFIT_EVALUATIONS = 50
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,36 @@ def fit_whole_logs(
     )
 
 
+def log_errors(logs: Sequence[LogData], optimum: Optimum) -> Floats | None:
+    """Estimate standard errors of `QUANTITIES` by leaving out one log at a time.
+
+    Residuals of whole logs are a model's misfit, alike from sample to sample, so a log is what
+    counts as one observation (jackknife: Efron and Stein 1981, doi:10.1214/aos/1176345462).
+
+    Parameters
+    ----------
+    logs : sequence of LogData
+        What was fitted.
+    optimum : Optimum
+        Its least squares, where each refit starts.
+
+    Returns
+    -------
+    (6,) array or None
+        Of alpha2, alpha1, a1, a0, b0 and K. None for a single log.
+    """
+    count = len(logs)
+    if count < 2:
+        return None
+    problem = _Problem(logs, optimum.bounds)
+    x = np.array(
+        [problem.without(i).polish(optimum.x, _REFIT_EVALUATIONS)[0] for i in range(count)]
+    )
+    quantities = np.column_stack([x, x[:, 4] / x[:, 3]])
+    errors: Floats = np.sqrt((count - 1) * np.var(quantities, axis=0))
+    return errors
+
+
 def _grid(bounds: Bounds) -> list[Floats]:
     """Make starting points whose three terms weigh alike at the time scale."""
     points = []
@@ -161,6 +193,18 @@ class _Problem:
         self.samples = self.measured.size
         self.bounds = bounds
         self.evaluations = 0
+
+    def without(self, left_out: int) -> _Problem:
+        """Return the problem of all logs but one; the maps are shared."""
+        fewer = copy.copy(self)
+        kept = [i for i in range(len(self.maps)) if i != left_out]
+        fewer.maps = [self.maps[i] for i in kept]
+        fewer.known = [self.known[i] for i in kept]
+        sizes = [int(np.count_nonzero(known)) for known in self.known]
+        parts = np.split(self.measured, np.cumsum(sizes)[:-1])
+        fewer.measured = np.concatenate([parts[i] for i in kept])
+        fewer.samples = fewer.measured.size
+        return fewer
 
     def response(self, x: Floats) -> Floats:
         self.evaluations += 1

@@ -18,7 +18,7 @@ from spa_fo.report.tables import Table
 _DRAWN = (
     ("swarm", "widened"),
     ("optimum", "free"),
-    ("literature", ""),
+    ("literature per setpoint", ""),
     ("refitted", ""),
 )
 
@@ -117,7 +117,7 @@ def _printed(
         return None
     if model.source == "swarm" and model.bounds == "widened":
         return paper.RMS_ERRORS.get((design, setpoint, "fractional"))
-    if model.source == "literature":
+    if model.source.startswith("literature"):
         return paper.RMS_ERRORS.get((design, setpoint, "nonlinear"))
     return None
 

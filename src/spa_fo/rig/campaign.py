@@ -155,11 +155,7 @@ def read_campaign(folder: Path | str) -> Campaign:
     validate(document, package_schema("spa_fo.rig", "campaign.schema.yaml"), path)
     campaign = _build(document, folder)
     _check_sense(campaign)
-    unread = _check_files(campaign)
-    warnings = tuple(
-        f"{name} is in SHA256SUMS, but campaign.yaml does not name it" for name in unread
-    )
-    return replace(campaign, warnings=warnings)
+    return replace(campaign, warnings=_check_files(campaign))
 
 
 def _build(document: Mapping[str, Any], folder: Path) -> Campaign:
@@ -296,6 +292,7 @@ def _claim(taken: dict[Any, str], value: Any, where: str, path: Path, kind: str)
 
 
 def _check_files(campaign: Campaign) -> tuple[str, ...]:
+    """Check that every file is there and sound; return what is odd about them."""
     wheres = {item.file: "calibration" for item in campaign.calibration}
     for experiment, number, trial in campaign.trial_files():
         wheres[trial.file] = f"experiment '{experiment.name}', trial {number}"
@@ -309,4 +306,5 @@ def _check_files(campaign: Campaign) -> tuple[str, ...]:
             raise BadInput(path, f"is not there, but {campaign.yaml.name} names it", where)
         if path.stat().st_size == 0:
             raise BadInput(path, "is empty; expected a log", where)
-    return checksums.verify(campaign.folder, wheres)
+    groups = {file: where.split(", trial ")[0] for file, where in wheres.items()}
+    return checksums.verify(campaign.folder, groups)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from spa_fo.errors import BadInput
@@ -60,26 +60,29 @@ def read_checksums(folder: Path, files: Iterable[str] = ("*/*.log",)) -> dict[st
     return digests
 
 
-def verify(folder: Path, files: Collection[str]) -> tuple[str, ...]:
+def verify(folder: Path, files: Mapping[str, str]) -> tuple[str, ...]:
     """Check every raw file of a campaign against its ``SHA256SUMS``.
 
     Parameters
     ----------
     folder : Path
         The campaign folder.
-    files : collection of str
-        The files that campaign.yaml names, relative to `folder`; they exist.
+    files : mapping of str to str
+        The files that campaign.yaml names, relative to `folder`, to what each belongs to: an
+        experiment, or the calibration. They exist.
 
     Returns
     -------
     tuple of str
-        Files that are listed and sound but that campaign.yaml does not name.
+        What is odd, in words: files that are listed and sound but that campaign.yaml does not
+        name; trials of one experiment that are the same to the byte, as those of a simulator
+        without noise may be.
 
     Raises
     ------
     BadInput
-        A named file is not listed, a listed file is missing or has other bytes, two names hold
-        the same bytes, or a ``.log`` lies in the folder that nobody lists.
+        A named file is not listed, a listed file is missing or has other bytes, files of different
+        experiments hold the same bytes, or a ``.log`` lies in the folder that nobody lists.
     """
     sums = folder / NAME
     expected = read_checksums(folder, files)
@@ -87,6 +90,7 @@ def verify(folder: Path, files: Collection[str]) -> tuple[str, ...]:
         if name not in expected:
             raise BadInput(sums, f"does not list {name}; run sha256sum {name} >> {NAME}")
     owners: dict[str, str] = {}
+    warnings = []
     for name, digest in expected.items():
         path = folder / name
         if not path.is_file():
@@ -97,10 +101,14 @@ def verify(folder: Path, files: Collection[str]) -> tuple[str, ...]:
                 path, f"its SHA-256 is {actual[:12]}..., but {NAME} says {digest[:12]}..."
             )
         if name in files:
-            if digest in owners:
-                raise BadInput(path, f"holds the same bytes as {owners[digest]}; expected its own")
-            owners[digest] = name
+            twin = owners.setdefault(digest, name)
+            if files[twin] != files[name]:
+                raise BadInput(path, f"holds the same bytes as {twin}; expected its own")
+            if twin != name:
+                warnings.append(f"{name} holds the same bytes as {twin}: a copy?")
+        elif name != "campaign.yaml":
+            warnings.append(f"{name} is in {NAME}, but campaign.yaml does not name it")
     for path in sorted(folder.rglob("*.log")):
         if path.relative_to(folder).as_posix() not in expected:
             raise BadInput(path, f"is not listed in {NAME}; expected every raw file there")
-    return tuple(name for name in expected if name not in files and name != "campaign.yaml")
+    return tuple(warnings)

@@ -41,7 +41,7 @@ def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None
     """Say how a command contradicts its protocol, or return None.
 
     ``step`` and ``step_release`` must rise exactly once and suddenly (a log may end before the
-    release), ``staircase`` at least twice one way, ``triangle`` not by jumps; every protocol but
+    release, and begin at its full command: then it rose at the first sample), ``staircase`` at least twice one way, ``triangle`` not by jumps; every protocol but
     ``free`` must command something.
     """
     if protocol == "free":
@@ -51,6 +51,8 @@ def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None
     changes = command_changes(t_s, command_kpa)
     rises = int(np.count_nonzero(changes > 0.0))
     falls = int(np.count_nonzero(changes < 0.0))
+    if rises == 0 and command_kpa[0] >= (1.0 - _CHANGE) * command_kpa.max() > 0.0:
+        rises = 1
     if protocol in ("step", "step_release") and rises != 1:
         return f"its command rises {rises} times; expected one step"
     if protocol == "staircase" and max(rises, falls) < 2:
