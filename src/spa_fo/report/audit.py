@@ -258,14 +258,15 @@ def _data_sets() -> Iterator[AuditLine]:
         worst = max(PARAMETERS, key=error.__getitem__)
         drift = ", ".join(f"{100 * error[worst] / math.sqrt(n):.0f} %" for n in counts)
         curve = ", ".join(f"{curve_deg / math.sqrt(n):.3f}°" for n in counts)
+        gain = 100 * error["K"] / math.sqrt(paper.DATASETS)
         needed = math.ceil((error[worst] / DETERMINED_WITHIN) ** 2)
         yield AuditLine(
             "Sec. on PSO",
             f"{paper.MATERIALS[design]}: with {paper.DATASETS} data sets of {paper.POINTS} points "
             "the parameters no longer drift",
-            f"Cramér-Rao bound at Table I, {NOISE_DEG:g}° of white noise, {RECORD_S:g} s, no bounds "
-            f"on the search: with {', '.join(map(str, counts))} data sets {worst} ± {drift}, the "
-            f"curve ± {curve}; b0/a0 with {paper.DATASETS} ± {100 * error['K'] / math.sqrt(paper.DATASETS):.2g} %",
+            f"Cramér-Rao bound at Table I, {NOISE_DEG:g}° of white noise, {RECORD_S:g} s, search "
+            f"without bounds: with {', '.join(map(str, counts))} data sets {worst} ± {drift}, the "
+            f"curve ± {curve}; with {paper.DATASETS} b0/a0 ± {gain:.2g} %",
             HOLDS
             if needed <= paper.DATASETS
             else f"{FAILS}: drift falls as 1/√n, without a threshold; below "
