@@ -11,6 +11,7 @@ from spa_fo.fractional.intervals import Hold
 from spa_fo.fractional.prabhakar import mittag_leffler
 from spa_fo.fractional.prabhakar_series import prabhakar_series_step
 from spa_fo.fractional.response_map import (
+    WORK_ROWS,
     MapArrays,
     ResponseMap,
     input_map,
@@ -22,6 +23,7 @@ from spa_fo.fractional.sampled_input import simulate
 from spa_fo.fractional.step import step_response, step_response_jacobian
 
 __all__ = [
+    "WORK_ROWS",
     "Hold",
     "MapArrays",
     "ResponseMap",

@@ -47,6 +47,9 @@ _RATES_PER_DECADE = 24
 _BLOCK = 512
 _DAMPING = 1e-14
 
+WORK_ROWS = 10
+"""Rows, as long as the nodes, of the scratch space that the kernels need."""
+
 _RECIPROCALS = tuple(1.0 / (k + 1.0) for k in range(15))  # of k + 1
 
 
@@ -88,7 +91,7 @@ class ResponseMap:
 
     def work(self) -> Array:
         """Return scratch space for the kernels, one for each thread."""
-        return np.empty((10, self.arrays.real.size))
+        return np.empty((WORK_ROWS, self.arrays.real.size))
 
     def response(self, x: ArrayLike) -> Array:
         """Return the response for x = (alpha2, alpha1, a1, a0, b0), shape (n,).

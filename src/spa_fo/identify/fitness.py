@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo._jit import njit, njit_parallel
-from spa_fo.fractional import MapArrays, response_on_map
+from spa_fo.fractional import WORK_ROWS, MapArrays, response_on_map
 from spa_fo.identify.protocol import StepData
 
 Floats = NDArray[np.float64]
@@ -112,6 +112,6 @@ def swarm_rmse(
 ) -> None:
     """Fitness of a whole swarm, `positions` (p, 5) to `out` (p,): one particle an iteration."""
     for i in numba.prange(positions.shape[0]):
-        work = np.empty((16, arrays.real.size))
+        work = np.empty((WORK_ROWS, arrays.real.size))
         y = np.empty(target.mean.size)
         out[i] = rmse_at(positions[i], lower, upper, target, arrays, work, y)

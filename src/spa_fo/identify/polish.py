@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo._jit import njit, njit_parallel
-from spa_fo.fractional import MapArrays, ResponseMap, jacobian_on_map, response_on_map, step_map
+from spa_fo.fractional import (
+    WORK_ROWS,
+    MapArrays,
+    ResponseMap,
+    jacobian_on_map,
+    response_on_map,
+    step_map,
+)
 from spa_fo.identify.bounds import ORDER_GAP, Bounds, free_bounds
 from spa_fo.identify.fitness import reduce_data, weighted_squares
 from spa_fo.identify.protocol import StepData
@@ -293,7 +300,7 @@ def _fit_one(
     datasets, n = angle.shape
     w = np.empty((datasets, n))
     mean, weight, y = np.empty(n), np.empty(n), np.empty(n)
-    work = np.empty((16, arrays.real.size))
+    work = np.empty((WORK_ROWS, arrays.real.size))
     jacobian = np.empty((5, n))
     for d in range(datasets):
         w[d, :] = counts[d]
