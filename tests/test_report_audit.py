@@ -8,6 +8,7 @@ import pytest
 from identify_cases import steps
 from spa_fo.fractional import step_response
 from spa_fo.identify import fit_optimum, free_bounds
+from spa_fo.identify.reproduction import SwarmRepeats
 from spa_fo.plant import paper
 from spa_fo.report.audit import (
     HOLDS,
@@ -18,6 +19,8 @@ from spa_fo.report.audit import (
     audit_table,
     least_errors,
 )
+
+SWARM = SwarmRepeats("widened", 200, 10, seeds=30, hits=0, median_excess=0.2)
 
 
 def lines_of(where: str) -> list[tuple[str, str, str]]:
@@ -95,11 +98,11 @@ def test_the_verdicts_follow_the_numbers(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_what_was_identified_gets_its_lines() -> None:
-    found = Identified("rubber", 1e9, ("a1",), "a1", 0.05, 16.0, 0.013, 0, 30)
+    found = Identified("rubber", 1e9, ("a1",), "a1", 0.05, 16.0, 0.013, SWARM)
     lines = audit({"design_1": found})[-2:]
     assert "1.0e+09" in lines[0].computed
     assert "not determined: a1; with a1 anywhere in 0.05–16" in lines[0].computed
-    assert lines[1].computed.startswith("0 of 30 seeds")
+    assert lines[1].computed.startswith("200×10, widened bounds: 0 of 30 seeds within 1 %")
     assert all(line.verdict != HOLDS for line in lines)
 
 

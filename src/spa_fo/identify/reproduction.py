@@ -107,6 +107,8 @@ class SwarmRepeats:
     """How often the paper's swarm finds the optimum of its own data and bounds."""
 
     bounds: str
+    particles: int
+    iterations: int
     seeds: int
     hits: int
     median_excess: float  # median RMSE over the least one, less 1
@@ -213,7 +215,14 @@ def _swarm_and_optimum(
         float(np.degrees(first.rmse)),
     )
     hits = int(np.count_nonzero(excess < NEAR_OPTIMUM))
-    repeats = SwarmRepeats(bounds.name, len(runs), hits, float(np.median(excess) - 1.0))
+    repeats = SwarmRepeats(
+        bounds.name,
+        options.particles,
+        options.iterations,
+        len(runs),
+        hits,
+        float(np.median(excess) - 1.0),
+    )
     return swarm, comparison.optimum(optimum, chosen.datasets), repeats
 
 

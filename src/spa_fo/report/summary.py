@@ -206,13 +206,12 @@ def _fit_errors(materials: Sequence[PublishedMaterial]) -> Table:
 def _identified(materials: Sequence[PublishedMaterial]) -> dict[str, Identified]:
     found = {}
     for material in materials:
-        if material.design is None or material.comparison is None:
-            continue
         uncertainty = material.fit["uncertainty"]
+        if material.design is None or material.comparison is None or uncertainty is None:
+            continue
         widest = next(
             entry for entry in uncertainty["profiles"] if entry["name"] == uncertainty["widest"]
         )
-        repeats = material.comparison["swarm_repeats"][-1]
         found[material.design] = Identified(
             label=paper.MATERIALS[material.design],
             condition_number=uncertainty["condition_number"],
@@ -221,8 +220,7 @@ def _identified(materials: Sequence[PublishedMaterial]) -> dict[str, Identified]
             low=widest["low_95"],
             high=widest["high_95"],
             curve_change_deg=widest["likely_change_deg"],
-            swarm_hits=repeats["hits"],
-            swarm_seeds=repeats["seeds"],
+            swarm=Reproduction.from_dict(material.comparison).swarm_repeats[-1],
         )
     return found
 
