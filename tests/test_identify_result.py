@@ -117,8 +117,9 @@ def test_no_pressure_to_fit(data: CampaignData) -> None:
 def test_a_model_of_the_pressure_needs_a_pressure(data: CampaignData) -> None:
     model = Model("a", "b", TransferFunction(**campaigns.TRUTH), 30.0, signal="pressure")
     bare = replace(data, trials=tuple(replace(t, pressure_kpa=None) for t in data.trials))
-    with pytest.raises(BadInput, match="pressure column"):
+    with pytest.raises(BadInput, match="pressure column") as refused:
         predict_campaign(model, bare)
+    assert refused.value.path == next(data.campaign.trial_files())[2].path
 
 
 def test_prediction_has_a_row_for_every_sample(data: CampaignData, result: FitResult) -> None:

@@ -113,8 +113,17 @@ def test_bad_models_are_refused_by_key(case: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "data",
-    [b"", b"{", b"[1]", b"null", b"\xff\xfe\x00", b'{"schema": NaN}', b"[" * 100_000],
-    ids=["empty", "cut", "list", "null", "binary", "nan", "deep"],
+    [
+        b"",
+        b"{",
+        b"[1]",
+        b"null",
+        b"\xff\xfe\x00",
+        b'{"schema": NaN}',
+        b"[" * 100_000,
+        b'{"schema": 1' + b"0" * 5000 + b"}",
+    ],
+    ids=["empty", "cut", "list", "null", "binary", "nan", "deep", "long number"],
 )
 def test_what_is_no_json_object_is_refused(data: bytes, tmp_path: Path) -> None:
     path = tmp_path / "m.json"

@@ -291,11 +291,21 @@ def test_changed_bytes_are_refused(folder: Path) -> None:
     assert text.startswith("small/step_20/trial_02.log: its SHA-256 is ")
 
 
-def test_two_names_for_the_same_bytes_are_refused(folder: Path) -> None:
+def test_one_log_for_two_experiments_is_refused(folder: Path) -> None:
+    path = folder / "step_20/trial_02.log"
+    path.write_bytes((folder / "calibration/pre.log").read_bytes())
+    naive_rig.write_checksums(folder)
+    assert "holds the same bytes as calibration/pre.log" in refused(folder)
+
+
+def test_trials_without_noise_may_be_the_same_bytes(folder: Path) -> None:
     path = folder / "step_20/trial_02.log"
     path.write_bytes((folder / "step_20/trial_01.log").read_bytes())
     naive_rig.write_checksums(folder)
-    assert "holds the same bytes as step_20/trial_01.log" in refused(folder)
+    warnings = read_campaign(folder).warnings
+    assert warnings == (
+        "step_20/trial_02.log holds the same bytes as step_20/trial_01.log: a copy?",
+    )
 
 
 def test_checksums_that_are_missing_say_how_to_make_them(folder: Path) -> None:

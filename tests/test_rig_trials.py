@@ -130,6 +130,15 @@ def test_a_trial_far_outside_its_calibration_is_refused(tmp_path: Path) -> None:
     assert text.endswith("but calibration/pre.log covers 0 to 90 deg")
 
 
+def test_a_plateau_a_little_outside_is_flagged_and_one_beyond_is_refused(tmp_path: Path) -> None:
+    # The sensor's counts are 350 + 4 a degree; calibrated up to 90 deg.
+    near = read(with_trial(tmp_path / "near", edited({i: {4: 734} for i in range(60, 200)})))
+    assert near.trials[1].outside_calibration[60:].all()
+    assert near.trials[1].angle_deg[-1] == pytest.approx(96.0, abs=0.5)
+    far = with_trial(tmp_path / "far", edited({i: {4: 762} for i in range(60, 200)}))
+    assert "angle outside calibration: 140 of 200 samples" in refused(far)
+
+
 def test_a_few_samples_far_outside_are_flagged_only(tmp_path: Path) -> None:
     data = read(with_trial(tmp_path, edited({100: {4: 1000}, 101: {4: 1000}})))
     assert data.trials[1].outside_calibration[100:102].all()
@@ -405,6 +414,8 @@ def test_protocols_are_held_to_their_word() -> None:
     assert contradiction("triangle", t, triangle) is None
     assert contradiction("hold", t, step) is None
     assert contradiction("free", t, 0 * t) is None
+    assert contradiction("step", t, 0 * t + 20.0) is None
+    assert contradiction("step_release", t, 20.0 * (t < 10)) is None
     assert contradiction("step", t, stairs) == "its command rises 3 times; expected one step"
     assert contradiction("step", t, triangle) == "its command rises 0 times; expected one step"
     for other in (step, step * (t < 10)):

@@ -38,7 +38,16 @@ def predict_trial(model: Model, trial: Trial) -> NDArray[np.float64]:
 
 
 def predict_campaign(model: Model, data: CampaignData) -> pd.DataFrame:
-    """Predict all trials: a row for every valid sample, columns `PREDICTION_COLUMNS`."""
+    """Predict all trials: a row for every valid sample, columns `PREDICTION_COLUMNS`.
+
+    Raises
+    ------
+    BadInput
+        A log does not hold the signal that drives the model.
+    """
+    for trial, (_, _, file) in zip(data.trials, data.campaign.trial_files(), strict=True):
+        if input_of(trial, model.signal) is None:
+            raise BadInput(file.path, f"expected a {model.signal} column: it drives the model")
     frames = [
         pd.DataFrame(
             {

@@ -104,8 +104,9 @@ def step_data(
     The window of a trial runs from the first rise of its command to the next change or the end.
     The angle is interpolated linearly between valid samples; those after a reset of the board,
     whose time is an estimate, are not used. Where a trial's command starts above zero the step is
-    its rise; where it does not rise any further, it rose at the first sample, from zero. All windows are cut to the shortest. A trial that lost most of its window to a gap
-    or a reset is left out, and so is one much shorter than the others.
+    its rise; where it rises no further, the step was at the first sample, from zero. All windows
+    are cut to the shortest. A trial that lost most of its window to a gap or a reset is left out,
+    and so is one much shorter than the others.
 
     Parameters
     ----------
@@ -127,8 +128,8 @@ def step_data(
     Raises
     ------
     BadInput
-        There is no step trial; a trial has no step, too few samples in it, or most of them
-        outside the calibration; or an experiment is left without a usable trial.
+        There is no step trial; a trial has no step or too few samples in it; or an experiment is
+        left without a usable trial.
     """
     if points < 2:
         raise ValueError(f"expected at least 2 points, not {points}")
@@ -228,8 +229,6 @@ def _window(trial: Trial, source: Path | str) -> _Window | str:
             f"change, found {last - first}",
             trial.label,
         )
-    if np.mean(trial.outside_calibration[used]) > _MOST:
-        raise BadInput(source, "angle outside calibration for most of the step", trial.label)
     t = trial.t_s[used][valid] - trial.t_s[first]
     if t.size < _MIN_SAMPLES:
         return f"the board was reset {trial.t_s[used][~valid][0] - trial.t_s[first]:.3g} s into it"

@@ -123,7 +123,7 @@ class _Reader:
 
     def _document(self) -> dict[str, Any]:
         try:
-            text = self.path.read_text(encoding="utf-8")
+            text = self.path.read_text(encoding="utf-8-sig")
         except OSError as error:
             raise BadInput(self.path, f"cannot be read: {error.strerror or error}") from error
         except UnicodeDecodeError as error:
@@ -134,6 +134,8 @@ class _Reader:
             raise BadInput(
                 self.path, f"expected JSON: {error.msg}", f"line {error.lineno}"
             ) from error
+        except ValueError as error:  # a whole number of thousands of digits
+            raise BadInput(self.path, f"expected JSON: {error}") from error
         except RecursionError as error:
             raise BadInput(self.path, "expected JSON: nested too deeply") from error
         if not isinstance(document, dict):

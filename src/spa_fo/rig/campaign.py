@@ -306,5 +306,5 @@ def _check_files(campaign: Campaign) -> tuple[str, ...]:
             raise BadInput(path, f"is not there, but {campaign.yaml.name} names it", where)
         if path.stat().st_size == 0:
             raise BadInput(path, "is empty; expected a log", where)
-    groups = {file: where.split(", trial ")[0] for file, where in wheres.items()}
+    groups = {file: where.rsplit(", trial ", 1)[0] for file, where in wheres.items()}
     return checksums.verify(campaign.folder, groups)

@@ -41,8 +41,9 @@ def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None
     """Say how a command contradicts its protocol, or return None.
 
     ``step`` and ``step_release`` must rise exactly once and suddenly (a log may end before the
-    release, and begin at its full command: then it rose at the first sample), ``staircase`` at least twice one way, ``triangle`` not by jumps; every protocol but
-    ``free`` must command something.
+    release, and begin at its full command: then it rose at the first sample), ``staircase`` at
+    least twice one way, ``triangle`` not by jumps; every protocol but ``free`` must command
+    something.
     """
     if protocol == "free":
         return None

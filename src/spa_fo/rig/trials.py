@@ -32,6 +32,9 @@ Bools = npt.NDArray[np.bool_]
 
 _ONE_LEVEL = ("step", "step_release", "hold")
 _LONGEST_DROPOUT = 5  # samples
+# How far beyond the calibration, as a fraction of its range, more than what share of a trial may
+# not lie. Nearer to it the curve's line beyond its ends serves, and the samples are flagged.
+_BEYOND = ((0.25, 0.01), (0.1, 0.25))
 
 
 @dataclass(frozen=True)
@@ -379,17 +382,18 @@ def _to_trial(
 
 
 def _check_within(curve: Calibration, angle: Floats, file: TrialFile) -> None:
-    """Refuse a trial of which more than 1 % lies beyond the range by over a quarter of it."""
+    """Refuse a trial too much of which lies too far beyond the range (see `_BEYOND`)."""
     low, high = curve.range_deg
-    margin = 0.25 * (high - low)
-    far = (angle < low - margin) | (angle > high + margin)
-    if np.count_nonzero(far) > 0.01 * angle.size:
-        raise BadInput(
-            file.path,
-            f"angle outside calibration: {np.count_nonzero(far)} of {angle.size} samples, "
-            f"{angle.min():.0f} to {angle.max():.0f} deg, but {curve.file} covers "
-            f"{low:g} to {high:g} deg",
-        )
+    for distance, share in _BEYOND:
+        margin = distance * (high - low)
+        far = (angle < low - margin) | (angle > high + margin)
+        if np.count_nonzero(far) > share * angle.size:
+            raise BadInput(
+                file.path,
+                f"angle outside calibration: {np.count_nonzero(far)} of {angle.size} samples, "
+                f"{angle.min():.0f} to {angle.max():.0f} deg, but {curve.file} covers "
+                f"{low:g} to {high:g} deg",
+            )
 
 
 def _before_first_change(samples: _Samples) -> int:
