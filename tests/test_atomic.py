@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,15 @@ def test_a_read_only_place_is_bad_input() -> None:
     # /proc takes no new files, not even from root.
     with pytest.raises(BadInput, match=r"/proc/a\.txt: cannot be written"):
         write_text("/proc/a.txt", "text")
+
+
+def test_what_is_no_file_is_not_replaced(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for path in (pipe, tmp_path):
+        with pytest.raises(BadInput, match="is not a file"):
+            write_text(path, "text")
+    assert pipe.is_fifo()
 
 
 def test_a_full_disk_is_bad_input_and_leaves_the_earlier_file(tmp_path: Path) -> None:

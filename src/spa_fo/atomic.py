@@ -28,9 +28,12 @@ def replacing(path: Path | str) -> Iterator[Path]:
     Raises
     ------
     BadInput
-        The file cannot be written (read-only, disk full); an earlier file is left as it was.
+        The file cannot be written (read-only, disk full); an earlier file is left as it was. Or
+        something else than a file has its name: a device must not be replaced.
     """
     path = Path(path)
+    if path.exists() and not path.is_file():
+        raise BadInput(path, "cannot be written: it is not a file")
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
