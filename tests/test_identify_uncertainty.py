@@ -120,6 +120,21 @@ def test_the_bootstrap_sees_scatter_between_trials() -> None:
     assert spreads[1] > 3 * spreads[0]
 
 
+@pytest.mark.parametrize("trials", [2, 4])
+def test_the_bootstrap_of_few_trials_is_not_too_sure(trials: int) -> None:
+    data = steps(trials, noise_deg=0.0, seed=6, gain_scatter=0.05)
+    found = assess(data, fit_optimum(data, widened_bounds()), bootstrap=400).bootstrap
+    assert found is not None
+    # K is a mean of the trials' gains, an experiment's weight the square of its height.
+    gain = data.angle_rad[:, -1] / data.u / step_response(data.t[-1:], *TRUTH) * GAIN
+    variance = sum(
+        weight**2 * np.var(gain[rows], ddof=1) / trials
+        for weight, rows in zip((0.2, 0.8), data.groups.values(), strict=True)
+    )
+    spread = found.standard_deviation[QUANTITIES.index("K")]
+    assert spread == pytest.approx(np.sqrt(variance), rel=0.1)
+
+
 def test_the_same_seed_gives_the_same_bits() -> None:
     data = steps(3, seed=4)
     optimum = fit_optimum(data, free_bounds())

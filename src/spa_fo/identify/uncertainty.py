@@ -101,7 +101,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """Fits to trials drawn with replacement within each experiment.
+    """Fits to trials drawn with replacement within each experiment, one fewer than there are.
 
     Attributes
     ----------
@@ -340,8 +340,10 @@ def _bootstrap(
     generator = np.random.default_rng(seed)
     counts = np.zeros((size, data.datasets))
     for rows in data.groups.values():
-        drawn = rows[generator.integers(rows.size, size=(size, rows.size))]
-        for k in range(rows.size):
+        # One trial fewer than there are, or the spread of few trials would come out too small
+        # (Rao and Wu 1988, doi:10.1080/01621459.1988.10478591).
+        drawn = rows[generator.integers(rows.size, size=(size, max(rows.size - 1, 1)))]
+        for k in range(drawn.shape[1]):
             counts[np.arange(size), drawn[:, k]] += 1.0
     found = fit_many(
         response,
