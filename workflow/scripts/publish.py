@@ -1,7 +1,6 @@
 """The tables and the page to start from."""
 
 import json
-import shutil
 from pathlib import Path
 
 import pandas as pd
@@ -33,7 +32,6 @@ with workflow_step(snakemake.log[0], snakemake.threads):
         for i, (name, entry) in enumerate(snakemake.params.materials.items())
     ]
     folder = Path(snakemake.output.tables)
-    shutil.rmtree(folder, ignore_errors=True)
     write_tables(tables(materials), folder)
     path = Path(snakemake.output.summary)
     write_text(path, summary(materials, folder, path.parent))
