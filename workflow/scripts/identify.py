@@ -9,6 +9,7 @@ from spa_fo.identify import campaign_steps, fit_campaign, own_bounds
 from spa_fo.identify.protocol import is_step
 from spa_fo.identify.reproduction import Options, reproduce
 from spa_fo.plant import write_model
+from spa_fo.plant.paper import LUDWICK_EXPONENT
 from spa_fo.rig import read_campaign, read_trials
 
 
@@ -34,15 +35,15 @@ with workflow_step(snakemake.log[0], snakemake.threads):
         bootstrap=options["bootstrap"],
         bounds=bounds_of(material),
     )
-    comparison = None
+    comparison, design = None, material.get("paper")
     if any(is_step(trial) for trial in data.trials):
         protocol = Options(
             datasets=options["datasets"],
             particles=options["swarm"]["particles"],
             iterations=options["swarm"]["iterations"],
             seeds=options["swarm_seeds"],
-            design=material.get("paper"),
-            ludwick_n=material.get("ludwick_n"),
+            design=design,
+            ludwick_n=material.get("ludwick_n", LUDWICK_EXPONENT.get(design)),
         )
         steps = campaign_steps(data, options["points"])
         comparison = reproduce(steps, protocol, snakemake.params.seed).to_dict()
