@@ -109,8 +109,9 @@ def tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
         found["baselines"] = baseline_table(compared, provenance)
         found["ablation"] = ablation_table({m.label: m.ablation for m in stepped}, provenance)
     found["fit_errors"] = _fit_errors(materials)
-    if any(material.design for material in materials):
-        found["audit"] = audit_table(audit(_identified(stepped)), _joint_provenance(materials))
+    designs = [material for material in materials if material.design is not None]
+    if designs:
+        found["audit"] = audit_table(audit(_identified(designs)), _joint_provenance(designs))
     return found
 
 
