@@ -110,7 +110,7 @@ def _add_fit(commands: Commands) -> None:
         "--input",
         choices=("command", "pressure"),
         default="command",
-        help="signal that drives a fit of whole logs (default: command)",
+        help="signal that drives the model; pressure is fitted on whole logs (default: command)",
     )
     parser.add_argument(
         "--bound",

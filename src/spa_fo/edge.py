@@ -43,13 +43,13 @@ def workflow_step(log: Path | str, threads: int) -> Iterator[None]:
     Parameters
     ----------
     log : Path or str
-        Gets the package's log messages and the traceback of whatever goes wrong.
+        Gets warnings and the traceback of whatever goes wrong.
     threads : int
         Numba's number of threads; Snakemake sets those of OpenMP and MKL only.
     """
     _limit_threads(threads)
     logging.basicConfig(
-        filename=log, filemode="w", level=logging.INFO, format="%(levelname)s %(name)s: %(message)s"
+        filename=log, filemode="w", encoding="utf-8", format="%(levelname)s %(name)s: %(message)s"
     )
     logging.captureWarnings(True)
     with bad_input_exits():
