@@ -12,6 +12,9 @@ from spa_fo.atomic import write_text
 
 FORMATS = ("csv", "tex", "md")
 
+# A cell longer than this wraps in LaTeX.
+_SENTENCE = 60
+
 # What LaTeX would take for markup, and the signs its default fonts lack.
 _LATEX = {
     "\\": r"\textbackslash{}",
@@ -113,10 +116,10 @@ def _markdown(table: Table) -> str:
 
 def _latex(table: Table) -> str:
     cells = _cells(table).map(_escape)
-    columns = "".join("r" if side == "right" else "l" for side in _alignment(table))
+    columns = "".join(_latex_columns(table, cells))
     lines = [
         r"\begin{table}",
-        r"\centering",
+        r"\centering\footnotesize",
         rf"\caption{{{_escape(table.caption)} ({_escape(table.provenance)})}}",
         rf"\begin{{tabular}}{{{columns}}}",
         r"\toprule",
@@ -128,6 +131,16 @@ def _latex(table: Table) -> str:
         r"\end{table}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _latex_columns(table: Table, cells: pd.DataFrame) -> list[str]:
+    """Return a column type each; columns of sentences share most of the line and wrap."""
+    long = [int(cells[name].str.len().max()) > _SENTENCE for name in cells.columns]
+    width = 0.85 / max(sum(long), 1)
+    return [
+        rf"p{{{width:.2f}\linewidth}}" if wraps else "r" if side == "right" else "l"
+        for wraps, side in zip(long, _alignment(table), strict=True)
+    ]
 
 
 def _cells(table: Table) -> pd.DataFrame:
