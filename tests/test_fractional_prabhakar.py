@@ -59,7 +59,12 @@ def test_closed_forms():
         [math.exp(value**2) * math.erfc(-value) for value in z[1:4]],
         rtol=1e-12,
     )
-    assert mittag_leffler(0.0, 1.3, 2.2, 0.7) == pytest.approx(1.0 / math.gamma(2.2), rel=1e-12)
+    assert mittag_leffler(0.0, 1.3, 2.2, 0.7) == pytest.approx(1.0 / math.gamma(2.2), rel=1e-15)
+    assert mittag_leffler(0.0, 1.3, -1.0) == 0.0
+    x = np.geomspace(1e-2, 1e2, 30)
+    np.testing.assert_allclose(mittag_leffler(-(x**2), 2.0), np.cos(x), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(mittag_leffler(-(x**2), 2.0, 2.0), np.sin(x) / x, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(mittag_leffler(x**2, 2.0), np.cosh(x), rtol=1e-10)
     # E^γ_{1,1} is Kummer's function 1F1(γ; 1; z); γ = 2 gives (1 + z) e^z.
     np.testing.assert_allclose(
         mittag_leffler(z, 1.0, 1.0, 2.0), (1.0 + z) * np.exp(z), rtol=1e-10, atol=1e-12
@@ -81,6 +86,7 @@ def test_shape_and_overflow():
     e = mittag_leffler(z, 0.5)
     assert e.shape == z.shape
     assert e[1, 1] == math.inf
+    assert mittag_leffler(1e300, 1.0) == math.inf
     assert np.shape(mittag_leffler(-1.0, 0.5)) == ()
 
 
@@ -90,7 +96,7 @@ def test_shape_and_overflow():
         (math.nan, 1.0),
         (math.inf, 1.0),
         (1.0, 0.0),
-        (1.0, 2.0),
+        (1.0, 2.1),
         (1.0, math.nan),
         (1.0, 1.0, 10.5),
         (1.0, 1.0, -3.5),

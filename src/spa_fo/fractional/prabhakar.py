@@ -124,8 +124,10 @@ def _prabhakar(z: float, alpha: float, beta: float, gamma: float) -> float:
         shift = math.exp(math.log(z) / alpha)
         # Two factors, so that the product overflows only where the result does.
         half = math.exp(0.5 * shift)
+        if half == math.inf:
+            return half
         return half * (half * _around_axis(z, shift, alpha, beta, gamma))
-    if z == 0.0 or alpha <= 1.0:
+    if alpha <= 1.0:
         return _around_axis(z, 0.0, alpha, beta, gamma)
     p = cexp(complex(math.log(-z) / alpha, math.pi / alpha))
     # Place of p between the hyperbola (at its φ) and the cut (at π/2), in the strip that
@@ -150,8 +152,9 @@ def _prabhakar(z: float, alpha: float, beta: float, gamma: float) -> float:
 def _prabhakar_array(
     z: np.ndarray, alpha: float, beta: float, gamma: float, out: np.ndarray
 ) -> None:
+    at_zero = 0.0 if beta <= 0.0 and beta == math.floor(beta) else 1.0 / math.gamma(beta)
     for j in range(z.size):
-        out[j] = _prabhakar(z[j], alpha, beta, gamma)
+        out[j] = _prabhakar(z[j], alpha, beta, gamma) if z[j] != 0.0 else at_zero
 
 
 def mittag_leffler(
@@ -164,7 +167,7 @@ def mittag_leffler(
     z : array_like
         Real arguments of either sign.
     alpha : float
-        0 < alpha < 2.
+        0 < alpha <= 2.
     beta : float
         -3 <= beta <= 10.
     gamma : float
@@ -184,14 +187,16 @@ def mittag_leffler(
     """
     alpha, beta, gamma = float(alpha), float(beta), float(gamma)
     values = np.asarray(z, dtype=np.float64)
-    if not 0.0 < alpha < 2.0:
-        raise ValueError(f"alpha must lie in (0, 2), got {alpha}")
+    if not 0.0 < alpha <= 2.0:
+        raise ValueError(f"alpha must lie in (0, 2], got {alpha}")
     if not -3.0 <= beta <= 10.0:
         raise ValueError(f"beta must lie in [-3, 10], got {beta}")
     if not 0.0 < gamma <= 5.0:
         raise ValueError(f"gamma must lie in (0, 5], got {gamma}")
     if not np.all(np.isfinite(values)):
         raise ValueError("z must be finite")
+    # At 2 the branch points would meet the imaginary axis; the function is smooth in alpha.
+    alpha = min(alpha, math.nextafter(2.0, 0.0))
     out = np.empty(values.size)
     _prabhakar_array(np.ascontiguousarray(values).ravel(), alpha, beta, gamma, out)
     return out.reshape(values.shape)
