@@ -1,7 +1,7 @@
 """Speed and quality of the identification beside pyswarms and SciPy, in one run.
 
 All optimisers minimise the same objective through the same compiled response, on the paper's
-amount of data: 4 data sets of 50 points with 0.5 degrees of noise. A time is the least of the
+amount of data: 4 datasets of 50 points with 0.5 degrees of noise. A time is the least of the
 repeats on this machine, now, except where it says median. A seed "finds the optimum" when its RMSE
 is within 1 % of the least that any optimiser found on that problem, and the "sharp" column asks for
 the sum of squares within 1e-6.

@@ -12,7 +12,7 @@ from spa_fo.plant import Ludwick
 
 
 def sum_of_squares(data: StepData, x: np.ndarray) -> float:
-    """Sum over every sample of every data set, each with its own response."""
+    """Sum over every sample of every dataset, each with its own response."""
     total = 0.0
     for u, angle in zip(data.u, data.angle_rad, strict=True):
         for t, measured in zip(data.t, angle, strict=True):

@@ -61,7 +61,7 @@ def test_with_noise_the_curve_and_the_gain_come_back() -> None:
         difference = step_map(data.t).response(found.x) - step_map(data.t).response(TRUTH)
         errors.append(np.sqrt(np.mean(difference**2)))
         assert found.x[4] / found.x[3] == pytest.approx(TRUTH[4] / TRUTH[3], rel=0.02)
-    # Four data sets of mean square height 2.5, at most five free parameters.
+    # Four datasets of mean square height 2.5, at most five free parameters.
     theory = np.radians(0.5) * np.sqrt(5 / (50 * 4 * 2.5))
     assert 0.4 * theory < np.sqrt(np.mean(np.square(errors))) < 1.2 * theory
 

@@ -108,6 +108,17 @@ def test_whole_logs_on_request(data: CampaignData) -> None:
     json.dumps(found.to_dict(), allow_nan=False)
 
 
+@pytest.mark.parametrize("whole_logs", [False, True])
+@pytest.mark.parametrize("factor", [0.0, -1.0])
+def test_an_angle_that_does_not_rise_is_refused(
+    data: CampaignData, whole_logs: bool, factor: float
+) -> None:
+    turned = tuple(replace(t, angle_deg=factor * t.angle_deg) for t in data.trials)
+    with pytest.raises(BadInput, match="expected an angle that rises with the input") as refused:
+        fit_campaign(replace(data, trials=turned), bootstrap=0, whole_logs=whole_logs)
+    assert "log.columns.angle.scale: -1" in str(refused.value)
+
+
 def test_no_pressure_to_fit(data: CampaignData) -> None:
     bare = replace(data, trials=tuple(replace(t, pressure_kpa=None) for t in data.trials))
     with pytest.raises(BadInput, match="pressure"):

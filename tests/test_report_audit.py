@@ -80,7 +80,7 @@ def test_the_least_errors_are_those_of_many_fits() -> None:
         gains.append(found.gain / x.gain)
         a1.append(found.a1 / x.a1)
         curves.append(step_response(t, *found.as_array()))
-    share = small / np.sqrt(2)  # of the bound, two data sets each
+    share = small / np.sqrt(2)  # of the bound, two datasets each
     assert np.std(gains) == pytest.approx(relative["K"] * share, rel=0.25)
     assert np.std(a1) == pytest.approx(relative["a1"] * share, rel=0.25)
     spread = np.degrees(np.sqrt(np.mean(np.var(curves, axis=0)) * np.mean(u**2)))

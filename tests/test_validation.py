@@ -146,3 +146,9 @@ def test_key_path_and_suggestion() -> None:
     assert key_path(["experiments", 1, "trials", 0, "order"]) == "experiments[1].trials[0].order"
     assert suggestion("prssure", ["pressure", "angle"]) == "; did you mean 'pressure'?"
     assert suggestion("x", []) == ""
+
+
+def test_numbers_with_an_exponent_need_no_point(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text("[1e-3, -2E3, 1.5e+2, .5e1, 12, e3, 1e3 kPa]")
+    assert load_yaml(path) == [0.001, -2000.0, 150.0, 5.0, 12, "e3", "1e3 kPa"]

@@ -234,6 +234,17 @@ def test_a_bad_config_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     assert lines == ["spa-fo: config.yaml: ablatoin: unknown key; did you mean 'ablation'?"]
 
 
+def test_a_key_given_twice_is_refused(tmp_path: Path) -> None:
+    configure(tmp_path)
+    with (tmp_path / "config.yaml").open("a") as stream:
+        stream.write("seed: 2\n")
+    run = snakemake(tmp_path)
+    assert run.returncode == 2
+    lines = [line for line in run.stderr.splitlines() if line.startswith("spa-fo: ")]
+    assert len(lines) == 1
+    assert "key 'seed' is given twice" in lines[0]
+
+
 def test_a_material_without_a_folder_is_one_clear_line(tmp_path: Path) -> None:
     configure(tmp_path, materials={"nowhere": None})
     run = snakemake(tmp_path)

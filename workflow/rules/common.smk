@@ -1,12 +1,17 @@
+import re
 from pathlib import Path
 
 from spa_fo.config import read_config
 from spa_fo.edge import bad_input_exits
 from spa_fo.sources import code_hash
+from spa_fo.validation import load_yaml
 
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
 
 with bad_input_exits():
+    # Refuses a key given twice, where Snakemake keeps the last.
+    for path in workflow.configfiles:
+        load_yaml(path)
     CONFIG = read_config(
         config,
         "config.yaml",
@@ -19,7 +24,7 @@ MATERIALS = list(CONFIG["materials"])
 
 
 wildcard_constraints:
-    material="|".join(MATERIALS),
+    material="|".join(map(re.escape, MATERIALS)),
 
 
 def campaign_of(material):

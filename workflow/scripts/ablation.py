@@ -9,10 +9,11 @@ from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
 from spa_fo.identify import AblationOptions, ablate, ablation_verdict
 from spa_fo.identify.protocol import is_step
-from spa_fo.rig import read_campaign, read_trials
+from spa_fo.rig import CampaignData, load_trials, read_campaign
 
 with workflow_step(snakemake.log[0], snakemake.threads):
-    data = read_trials(read_campaign(snakemake.params.campaign))
+    campaign = read_campaign(snakemake.params.campaign)
+    data = CampaignData(campaign, load_trials(snakemake.input.trials, campaign))
     given = snakemake.params.options
     options = AblationOptions(
         points=tuple(given["points"]),
@@ -25,4 +26,4 @@ with workflow_step(snakemake.log[0], snakemake.threads):
         table = ablate(data, options, snakemake.params.seed)
         verdict = dataclasses.asdict(ablation_verdict(table))
     write_text(snakemake.output.table, table.to_csv(index=False, lineterminator="\n"))
-    write_text(snakemake.output.verdict, json.dumps(verdict, indent=1) + "\n")
+    write_text(snakemake.output.verdict, json.dumps(verdict, indent=1, allow_nan=False) + "\n")

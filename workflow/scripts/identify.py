@@ -10,7 +10,7 @@ from spa_fo.identify.protocol import is_step
 from spa_fo.identify.reproduction import Options, reproduce
 from spa_fo.plant import write_model
 from spa_fo.plant.paper import LUDWICK_EXPONENT
-from spa_fo.rig import read_campaign, read_trials
+from spa_fo.rig import CampaignData, load_trials, read_campaign
 
 
 def bounds_of(material):
@@ -25,7 +25,8 @@ def bounds_of(material):
 
 
 with workflow_step(snakemake.log[0], snakemake.threads):
-    data = read_trials(read_campaign(snakemake.params.campaign))
+    campaign = read_campaign(snakemake.params.campaign)
+    data = CampaignData(campaign, load_trials(snakemake.input.trials, campaign))
     material, options = snakemake.params.material, snakemake.params.options
     fit = fit_campaign(
         data,
@@ -48,6 +49,6 @@ with workflow_step(snakemake.log[0], snakemake.threads):
         steps = campaign_steps(data, options["points"])
         comparison = reproduce(steps, protocol, snakemake.params.seed).to_dict()
     write_model(snakemake.output.model, fit.model)
-    write_text(snakemake.output.fit, json.dumps(fit.to_dict(), indent=1) + "\n")
+    write_text(snakemake.output.fit, json.dumps(fit.to_dict(), indent=1, allow_nan=False) + "\n")
     write_text(snakemake.output.report, fit.report() + "\n")
-    write_text(snakemake.output.comparison, json.dumps(comparison) + "\n")
+    write_text(snakemake.output.comparison, json.dumps(comparison, allow_nan=False) + "\n")

@@ -16,4 +16,6 @@ with workflow_step(snakemake.log[0], snakemake.threads):
         "calibrations": [curve.to_dict() for curve in data.calibrations],
         "drifts": [drift.to_dict() for drift in data.drifts],
     }
-    write_text(snakemake.output.calibration, json.dumps(calibration, indent=1) + "\n")
+    write_text(
+        snakemake.output.calibration, json.dumps(calibration, indent=1, allow_nan=False) + "\n"
+    )

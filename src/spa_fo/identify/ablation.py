@@ -1,7 +1,7 @@
-"""What an identification gains from more data sets and points, and loses to outliers.
+"""What an identification gains from more datasets and points, and loses to outliers.
 
 Every subset of trials (or many) is fitted, and the fits are compared among themselves, with the
-trials left out, and with theory: a curve with five free parameters fitted to n data sets of p
+trials left out, and with theory: a curve with five free parameters fitted to n datasets of p
 points errs by σ_w sqrt(5/(p n)) from noise that is independent from sample to sample, and by
 σ_b/sqrt(n) from what sets trials apart (gain, offset, pace), which no number of points mends.
 """
@@ -43,7 +43,7 @@ class AblationOptions:
     Attributes
     ----------
     points : tuple of int
-        Points of each data set, without outliers; the paper's 50 are always among them.
+        Points of each dataset, without outliers; the paper's 50 are always among them.
     outliers : tuple of float
         Fractions of samples replaced by spikes, at the paper's 50 points; none (0) is always
         among them.
@@ -52,7 +52,7 @@ class AblationOptions:
     losses : tuple of str
         Losses compared where there are outliers; see `fit_optimum`.
     datasets : int
-        Largest number of data sets.
+        Largest number of datasets.
     subsets : int
         At most this many subsets of one size.
     """
@@ -80,7 +80,7 @@ def ablate(data: CampaignData, options: AblationOptions, seed: int = 1) -> pd.Da
     Returns
     -------
     pandas.DataFrame
-        One row for each group (experiment, or `ALL`), number of data sets, points, fraction of
+        One row for each group (experiment, or `ALL`), number of datasets, points, fraction of
         outliers and loss. Columns: those five; ``subsets`` fitted; for each of `QUANTITIES` its
         ``_median`` and ``_spread`` (standard deviation among subsets, as if drawn from endless
         trials); ``curve_spread_deg`` (the same of the fitted curves, RMS over time);
@@ -254,7 +254,7 @@ def _deviation(values: Floats) -> Floats:
 def _subsets(
     data: StepData, n: int, limit: int, generator: np.random.Generator
 ) -> Iterator[NDArray[np.int64]]:
-    """Yield subsets of n data sets spread evenly over experiments: all, or `limit` of them."""
+    """Yield subsets of n datasets spread evenly over experiments: all, or `limit` of them."""
     groups = list(data.groups.values())
     if len(groups) == 1 and comb(data.datasets, n) <= limit:
         yield from (np.array(subset) for subset in combinations(range(data.datasets), n))
@@ -288,7 +288,7 @@ class AblationVerdict:
     Attributes
     ----------
     datasets, outliers : str
-        On "at least 4 data sets and 200 points", and on "sensitive to outliers".
+        On "at least 4 datasets and 200 points", and on "sensitive to outliers".
     numbers : dict
         What the words rest on, by name.
     """
@@ -307,7 +307,7 @@ _HARM = 1.5
 def ablation_verdict(table: pd.DataFrame) -> AblationVerdict:
     """Put the ablation in words.
 
-    How errors fall with the number of data sets is judged within each experiment, where data sets
+    How errors fall with the number of datasets is judged within each experiment, where datasets
     differ by chance alone; outliers on all experiments together, as the paper mixes them.
 
     Parameters
@@ -328,13 +328,13 @@ def ablation_verdict(table: pd.DataFrame) -> AblationVerdict:
 
 
 def nearest_datasets(rows: pd.DataFrame) -> int:
-    """Return the number of data sets in `rows` that is nearest to the paper's."""
+    """Return the number of datasets in `rows` that is nearest to the paper's."""
     sizes = rows["datasets"].unique()
     return int(sizes[np.argmin(np.abs(sizes - DATASETS))])
 
 
 def _scaling(clean: pd.DataFrame, group: str, numbers: dict[str, float]) -> str:
-    """Say how curve and parameters depend on the number of data sets of one experiment."""
+    """Say how curve and parameters depend on the number of datasets of one experiment."""
     rows = clean[(clean["points"] == POINTS) & clean["curve_spread_deg"].notna()]
     if len(rows) < 2:
         return f"{group}: too few trials to tell."
@@ -366,7 +366,7 @@ def _scaling(clean: pd.DataFrame, group: str, numbers: dict[str, float]) -> str:
     )
     return (
         f"{group}: the curve's error falls as n^{exponent:.2f}, {knee} ({curve.iloc[0]:.2f}° with "
-        f"1 data set, {curve.loc[four]:.2f}° with {four}, where theory says "
+        f"1 dataset, {curve.loc[four]:.2f}° with {four}, where theory says "
         f"{rows['theory_deg'].loc[four]:.2f}°, {curve.iloc[-1]:.2f}° with {last}); the most "
         f"uncertain parameter, {widest}, varies by {drift.iloc[0]:.0f} %, {drift.loc[four]:.0f} % "
         f"and {drift.iloc[-1]:.0f} %."
@@ -374,7 +374,7 @@ def _scaling(clean: pd.DataFrame, group: str, numbers: dict[str, float]) -> str:
 
 
 def _points_verdict(clean: pd.DataFrame, group: str, numbers: dict[str, float]) -> str:
-    """Say what more points buy at the paper's number of data sets, and what four data sets do."""
+    """Say what more points buy at the paper's number of datasets, and what four datasets do."""
     rows = clean[clean["group"] == group]
     four = nearest_datasets(rows)
     rows = rows[rows["datasets"] == four].set_index("points").sort_index()
@@ -391,7 +391,7 @@ def _points_verdict(clean: pd.DataFrame, group: str, numbers: dict[str, float]) 
         # Independent noise would fall by sqrt(many / few): at least half of that, as a power?
         averages = coarse / fine >= (many / few) ** 0.25
         sentences.append(
-            f"With {four} data sets {few} points each give {coarse:.2f}°, {many} points "
+            f"With {four} datasets {few} points each give {coarse:.2f}°, {many} points "
             f"{fine:.2f}°: "
             + (
                 "more points average the noise."
@@ -432,6 +432,6 @@ def _outliers_verdict(rows: pd.DataFrame, numbers: dict[str, float]) -> str:
     numbers["outlier_harm"] = harm
     word = "Confirmed" if harm >= _HARM else "Not confirmed here"
     return (
-        f"{word}: with spikes in {100 * worst:.0f} % of the samples of {four} data sets the "
+        f"{word}: with spikes in {100 * worst:.0f} % of the samples of {four} datasets the "
         f"curve's distance from the fit to all clean trials grows {', '.join(parts)}."
     )

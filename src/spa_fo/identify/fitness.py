@@ -1,6 +1,6 @@
 """The objective: root mean square error of the step responses, Eq. 17-19 of arXiv:2512.18213.
 
-All data sets share the time grid and differ in the height u_d of the step, so that with weights w
+All datasets share the time grid and differ in the height u_d of the step, so that with weights w
 
     sum_dj w_dj (θ_dj − u_d y_j)² = sum_j W_j (y_j − m_j)² + const,
     W_j = sum_d w_dj u_d²,   m_j = sum_d w_dj u_d θ_dj / W_j:

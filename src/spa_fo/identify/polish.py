@@ -51,7 +51,7 @@ _BEND = 0.75
 
 @dataclass(frozen=True)
 class Optimum:
-    """The least squares of one data set.
+    """The least squares of one dataset.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ def fit_many(
     start: Floats | None = None,
     loss: str = "linear",
 ) -> Fits:
-    """Run many fits of the same data sets at once.
+    """Run many fits of the same datasets at once.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def fit_many(
     draws : Draws
         Shared by all fits.
     counts : (fits, datasets) array, optional
-        How often each data set counts in each fit; all once.
+        How often each dataset counts in each fit; all once.
     angles : (variants, datasets, points) array, optional
         Angles in rad in place of the data's own.
     variant : (fits,) int array, optional

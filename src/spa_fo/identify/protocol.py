@@ -26,12 +26,12 @@ _MOST = 0.5
 
 @dataclass(frozen=True)
 class StepData:
-    """Step responses on a common grid: one row a data set.
+    """Step responses on a common grid: one row a dataset.
 
     Attributes
     ----------
     experiments : tuple of str
-        Experiment of each data set.
+        Experiment of each dataset.
     trials : tuple of int
         1-based place in that experiment.
     orders : (datasets,) int array
@@ -69,12 +69,12 @@ class StepData:
 
     @property
     def groups(self) -> dict[str, NDArray[np.int64]]:
-        """Indices of the data sets of each experiment, in order of appearance."""
+        """Indices of the datasets of each experiment, in order of appearance."""
         names = np.array(self.experiments)
         return {name: np.flatnonzero(names == name) for name in dict.fromkeys(self.experiments)}
 
     def select(self, indices: Sequence[int] | NDArray[np.int64]) -> StepData:
-        """Return the data sets at `indices` (repetitions allowed)."""
+        """Return the datasets at `indices` (repetitions allowed)."""
         chosen = np.asarray(indices, dtype=np.int64)
         return replace(
             self,
@@ -180,7 +180,7 @@ def paper_selection(data: StepData, datasets: int) -> StepData:
         There are fewer than `datasets`.
     """
     if not 1 <= datasets <= data.datasets:
-        raise ValueError(f"expected 1 to {data.datasets} data sets, not {datasets}")
+        raise ValueError(f"expected 1 to {data.datasets} datasets, not {datasets}")
     queues = [
         list(rows[np.argsort(data.orders[rows], kind="stable")]) for rows in data.groups.values()
     ]

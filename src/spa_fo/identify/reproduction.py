@@ -1,6 +1,6 @@
 """The paper's comparison for one material: every model against the averaged step responses.
 
-The paper's protocol (four data sets of fifty points, swarm of 200 x 10) beside the optimum, in
+The paper's protocol (four datasets of fifty points, swarm of 200 x 10) beside the optimum, in
 the bounds as printed and widened until they hold Table I; the optimum of all trials in free
 bounds; Table I as printed; and the baselines.
 """

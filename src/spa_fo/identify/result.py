@@ -203,6 +203,8 @@ def _fit_steps(
 ) -> FitResult:
     steps = campaign_steps(data, points)
     optimum = _optimum(lambda box: fit_optimum(steps, box, seed), bounds)
+    response = np.outer(steps.u, step_map(steps.t).response(optimum.x))
+    _refuse_no_gain(float(np.sum(response * steps.angle_rad)), data)
     return FitResult(
         model=_model(data, optimum, "command"),
         fitted_on=ON_STEPS,
@@ -221,6 +223,9 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
     campaign = data.campaign
     logs = log_data(data.trials, campaign.reference_kpa, signal, campaign.yaml)
     optimum = _optimum(lambda box: fit_whole_logs(logs, box), bounds)
+    g = optimum.transfer_function.as_array()
+    agreement = [simulate(log.t, log.u, *g, hold=log.hold) * log.angle_rad for log in logs]
+    _refuse_no_gain(sum(float(np.sum(a[log.known])) for a, log in zip(agreement, logs, strict=True)), data)
     without = [trial.label for trial in data.trials if input_of(trial, signal) is None]
     return FitResult(
         model=_model(data, optimum, signal),
@@ -234,6 +239,16 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
         left_out=tuple(f"{label}: no {signal} in its log" for label in without),
         log_errors=log_errors(logs, optimum),
     )
+
+
+def _refuse_no_gain(agreement: float, data: CampaignData) -> None:
+    """Refuse data whose angle does not go the model's way, or stays at 0."""
+    if agreement <= 0.0:
+        columns = data.campaign.log.columns
+        hint = "; a sign to turn, log.columns.angle.scale: -1?" if columns else ""
+        raise BadInput(
+            data.campaign.yaml, f"expected an angle that rises with the input{hint}", "experiments"
+        )
 
 
 def _optimum(fit: Callable[[Bounds], Optimum], bounds: Bounds | None) -> Optimum:

@@ -43,7 +43,7 @@ def ablation_table(ablations: Mapping[str, pd.DataFrame], provenance: str) -> Ta
         "loss": "loss",
         "outliers": "outliers",
         "points": "points",
-        "datasets": "data sets",
+        "datasets": "datasets",
         "subsets": "subsets",
         "curve_spread_deg": "spread of the curve (°)",
         "theory_deg": "theory (°)",
@@ -54,7 +54,7 @@ def ablation_table(ablations: Mapping[str, pd.DataFrame], provenance: str) -> Ta
     }
     return Table(
         rows[list(columns)].rename(columns=columns),
-        "Ablation: what more data sets and points buy, and what outliers cost",
+        "Ablation: what more datasets and points buy, and what outliers cost",
         provenance,
         {
             "outliers": ".2f",
@@ -67,7 +67,7 @@ def ablation_table(ablations: Mapping[str, pd.DataFrame], provenance: str) -> Ta
 def verdict_lines(verdict: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the verdicts on the paper's two statements, a sentence or more each."""
     return (
-        f"**“At least {DATASETS} data sets, {DATASETS * POINTS} points”**: {verdict['datasets']}",
+        f"**“At least {DATASETS} datasets, {DATASETS * POINTS} points”**: {verdict['datasets']}",
         f"**“Sensitive to outliers”**: {verdict['outliers']}",
     )
 
@@ -97,7 +97,7 @@ def ablation_figure(table: pd.DataFrame) -> Figure:
     _outlier_panel(axes["outliers"], table[table["group"] == together])
     for axis in (axes["curve"], axes["left out"], axes["parameters"]):
         axis.axvline(DATASETS, color="#555555", linestyle=":", linewidth=0.8)
-        axis.set_xlabel("data sets")
+        axis.set_xlabel("datasets")
     return figure
 
 
@@ -169,5 +169,5 @@ def _outlier_panel(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_xlabel("samples replaced by spikes (%)")
     axes.set_ylabel("distance from the fit to all (°)")
     axes.set_ylim(bottom=0)
-    axes.set_title(f"(d) outliers, {datasets} data sets", loc="left")
+    axes.set_title(f"(d) outliers, {datasets} datasets", loc="left")
     axes.legend()

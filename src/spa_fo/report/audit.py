@@ -262,20 +262,20 @@ def _data_sets() -> Iterator[AuditLine]:
         needed = math.ceil((error[worst] / DETERMINED_WITHIN) ** 2)
         yield AuditLine(
             "Sec. on PSO",
-            f"{paper.MATERIALS[design]}: with {paper.DATASETS} data sets of {paper.POINTS} points "
+            f"{paper.MATERIALS[design]}: with {paper.DATASETS} datasets of {paper.POINTS} points "
             "the parameters no longer drift",
             f"Cramér-Rao bound at Table I, {NOISE_DEG:g}° of white noise, {RECORD_S:g} s, search "
-            f"without bounds: with {', '.join(map(str, counts))} data sets {worst} ± {drift}, the "
+            f"without bounds: with {', '.join(map(str, counts))} datasets {worst} ± {drift}, the "
             f"curve ± {curve}; with {paper.DATASETS} b0/a0 ± {gain:.2g} %",
             HOLDS
             if needed <= paper.DATASETS
             else f"{FAILS}: drift falls as 1/√n, without a threshold; below "
-            f"{100 * DETERMINED_WITHIN:g} % with {needed} data sets",
+            f"{100 * DETERMINED_WITHIN:g} % with {needed} datasets",
         )
 
 
 def least_errors(x: TransferFunction) -> tuple[dict[str, float], float]:
-    """Bound the errors of an identification from one data set by Cramér and Rao.
+    """Bound the errors of an identification from one dataset by Cramér and Rao.
 
     Steps reach the paper's setpoints in equal parts; noise is white.
 

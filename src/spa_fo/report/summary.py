@@ -34,7 +34,7 @@ _CAPTIONS = {
     "identifiability": "How far the fit worsens when one parameter is held and the others are "
     "fitted again: a flat curve means the data do not determine it.",
     "ablation": "How the error of the curve and the spread of the parameters depend on the number "
-    "of data sets and points, and what outliers do.",
+    "of datasets and points, and what outliers do.",
 }
 
 
@@ -165,7 +165,7 @@ def _material_part(material: PublishedMaterial) -> Iterator[str]:
     yield f"## {material.label}"
     yield f"```\n{material.fit_report.strip()}\n```"
     if material.verdict is not None:
-        yield "### How many data sets"
+        yield "### How many datasets"
         yield "\n".join(f"- {line}" for line in verdict_lines(material.verdict))
     for name, caption in _CAPTIONS.items():
         if name in material.figures:

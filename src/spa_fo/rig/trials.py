@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -73,14 +73,14 @@ class CampaignData:
     """A campaign's trials in the order of campaign.yaml, its calibrations, and the account.
 
     `calibrations` are sorted by time; the first made the angles. `drifts` compares each later
-    one with it.
+    one with it. Calibrations and account are empty where the trials come from a table.
     """
 
     campaign: Campaign
     trials: tuple[Trial, ...]
-    calibrations: tuple[Calibration, ...]
-    drifts: tuple[Drift, ...]
-    report: ParseReport
+    calibrations: tuple[Calibration, ...] = ()
+    drifts: tuple[Drift, ...] = ()
+    report: ParseReport = field(default_factory=lambda: ParseReport("", (), ()))
 
     @property
     def calibration(self) -> Calibration | None:

@@ -17,8 +17,8 @@ degree a trial, so that the calibrations before and after differ; both actuators
 trial to trial in gain, rest angle and pace.
 
 RMS error against the averaged up-steps (50 points, both setpoints together, seed 1), in degrees
-at 30°/60°. One least-squares fit is confined to the paper's bounds, widened just enough to hold
-Table I; the other is free.
+at 30°/60°. One least-squares fit to all fourteen trials is confined to the paper's bounds, widened
+just enough to hold the material's row of Table I; the other is free.
 
 =====================  ===========  ==========  =========  ========
 campaign               within them  free        Table I    the paper
