@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.errors import BadInput
 from spa_fo.fractional import simulate, step_map
 from spa_fo.identify.bounds import Bounds
 from spa_fo.identify.moderate import WORTH, moderate_optimum
@@ -223,9 +224,12 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
     campaign = data.campaign
     logs = log_data(data.trials, campaign.reference_kpa, signal, campaign.yaml)
     optimum = _optimum(lambda box: fit_whole_logs(logs, box), bounds)
-    g = optimum.transfer_function.as_array()
-    agreement = [simulate(log.t, log.u, *g, hold=log.hold) * log.angle_rad for log in logs]
-    _refuse_no_gain(sum(float(np.sum(a[log.known])) for a, log in zip(agreement, logs, strict=True)), data)
+    g = optimum.transfer_function
+    agreement = 0.0
+    for log in logs:
+        response = simulate(log.t, log.u, g.alpha2, g.alpha1, g.a1, g.a0, g.b0, hold=log.hold)
+        agreement += float(response[log.known] @ log.angle_rad[log.known])
+    _refuse_no_gain(agreement, data)
     without = [trial.label for trial in data.trials if input_of(trial, signal) is None]
     return FitResult(
         model=_model(data, optimum, signal),
