@@ -82,15 +82,15 @@ def _head(result: FitResult) -> list[str]:
         )
         lines.append(
             f"Fisher condition number {assessed.covariance.condition_number:.1e}   "
-            f"one sample in {assessed.noise.design_effect:.0f} counts as independent   "
-            f"errors rest on {_ground(assessed)}"
+            f"1 sample in {assessed.noise.design_effect:.0f} independent   "
+            f"errors from {_ground(assessed)}"
         )
     return lines
 
 
 def _ground(assessed: Uncertainty) -> str:
     if assessed.scale > 1.0:
-        return f"the lack of fit ({assessed.scale:.2f} times the trials' scatter)"
+        return f"the lack of fit, ×{assessed.scale:.2f}"
     return "the trials' scatter"
 
 
