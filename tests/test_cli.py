@@ -90,6 +90,21 @@ def test_fit_takes_whole_logs_where_there_are_no_steps(tmp_path: Path) -> None:
     assert found["b0"] / found["a0"] == pytest.approx(0.934 / 1.638, rel=0.01)
 
 
+def test_fit_takes_the_pressure_where_there_is_no_command(tmp_path: Path) -> None:
+    folder = tmp_path / "stairs"
+    folder.mkdir()
+    document = campaigns.free_campaign(folder)
+    columns = document["log"]["columns"]
+    columns["pressure"] = columns.pop("command")
+    campaigns.write_yaml(folder, document)
+    out = tmp_path / "model.json"
+    assert main(["fit", str(folder), "--out", str(out)]) == 0
+    model = json.loads(out.read_text())
+    assert model["input"]["signal"] == "pressure"
+    found = model["transfer_function"]
+    assert found["b0"] / found["a0"] == pytest.approx(0.934 / 1.638, rel=0.01)
+
+
 def test_parse_tells_what_the_logs_hold(steps: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["parse", str(steps)]) == 0
     out = capsys.readouterr().out

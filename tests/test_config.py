@@ -25,7 +25,7 @@ def test_the_shipped_config_is_valid_and_complete() -> None:
 
 def test_one_line_makes_a_material_and_the_rest_is_the_papers() -> None:
     config = read({"materials": {"my_arm": None}})
-    assert config["materials"] == {"my_arm": {"input": "command"}}
+    assert config["materials"] == {"my_arm": {}}
     assert config["identify"]["swarm"] == {"particles": 200, "iterations": 10}
     assert config["ablation"]["points"] == [10, 20, 50, 100]
 
@@ -41,6 +41,11 @@ def test_the_document_is_not_changed() -> None:
     [
         ({}, "config.yaml: materials: is missing"),
         ({"materials": {}}, "config.yaml: materials: is {}; expected at least 1 entries"),
+        (
+            {"materials": {"my arm": None}},
+            "config.yaml: materials: is 'my arm'; expected a name of letters, digits and _ . - "
+            "(it names folders)",
+        ),
         (
             {"materials": {"a": None}, "identfy": {}},
             "config.yaml: identfy: unknown key; did you mean 'identify'?",

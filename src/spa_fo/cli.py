@@ -109,8 +109,8 @@ def _add_fit(commands: Commands) -> None:
     parser.add_argument(
         "--input",
         choices=("command", "pressure"),
-        default="command",
-        help="signal that drives the model; pressure is fitted on whole logs (default: command)",
+        help="signal that drives the model; pressure is fitted on whole logs (default: command, "
+        "where the logs hold one)",
     )
     parser.add_argument(
         "--bound",

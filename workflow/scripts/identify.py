@@ -31,7 +31,7 @@ with workflow_step(snakemake.log[0], snakemake.threads):
     fit = fit_campaign(
         data,
         seed=snakemake.params.seed,
-        signal=material["input"],
+        signal=material.get("input"),
         points=options["points"],
         bootstrap=options["bootstrap"],
         bounds=bounds_of(material),

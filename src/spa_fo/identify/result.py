@@ -148,7 +148,7 @@ def fit_campaign(
     *,
     seed: int = 1,
     whole_logs: bool = False,
-    signal: str = "command",
+    signal: str | None = None,
     points: int = POINTS,
     bootstrap: int = 400,
     bounds: Bounds | None = None,
@@ -166,8 +166,9 @@ def fit_campaign(
         Of every random number.
     whole_logs : bool
         Fit whole logs even where there are up-steps.
-    signal : {"command", "pressure"}
-        Which pressure drives the model.
+    signal : {"command", "pressure"}, optional
+        Which pressure drives the model: the command, or where no log holds one the measured
+        pressure, unless given.
     points : int
         Points taken of each step response.
     bootstrap : int
@@ -181,9 +182,16 @@ def fit_campaign(
         The campaign holds nothing to fit; see `step_data` and `log_data`.
     """
     has_steps = any(is_step(trial) for trial in data.trials)
+    signal = signal or _signal_of(data)
     if has_steps and not whole_logs and signal == "command":
         return _fit_steps(data, seed, points, bootstrap, bounds)
     return _fit_logs(data, signal, bounds)
+
+
+def _signal_of(data: CampaignData) -> str:
+    """Return the command, or the measured pressure where no log holds a command."""
+    logged = any(trial.command_kpa is not None for trial in data.trials)
+    return "command" if logged else "pressure"
 
 
 def campaign_steps(data: CampaignData, points: int = POINTS) -> StepData:
