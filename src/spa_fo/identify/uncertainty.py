@@ -29,7 +29,7 @@ QUANTITIES = (*PARAMETERS, "K")
 DETERMINED_WITHIN = 0.10
 """Half-width of the 95 % interval, relative, below which a quantity counts as determined."""
 LEVELS = (0.68, 0.95)
-_PROFILE_POINTS = 41
+_PROFILE_POINTS = 81
 # The static gain is profiled this far to either side (a factor), the parameters over their bounds.
 _GAIN_RANGE = 2.0
 _CLUSTER = 0.35  # share of the grid that lies close to the estimate

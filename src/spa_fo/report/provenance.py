@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 from spa_fo.rig import Provenance
 
-BY_CONSTRUCTION = "the size of the model's error was put in by construction"
-
 
 def provenance_line(provenance: Provenance) -> str:
     """Say whether data are measured or synthetic, and from where.
@@ -20,11 +18,9 @@ def provenance_line(provenance: Provenance) -> str:
     Returns
     -------
     str
-        One line. For synthetic data it adds that agreement with a paper is no evidence.
+        One line: kind, source and note.
     """
-    parts = [f"{provenance.kind} data", provenance.source, provenance.note]
-    if provenance.kind == "synthetic":
-        parts.append(BY_CONSTRUCTION)
+    parts = (f"{provenance.kind} data", provenance.source, provenance.note)
     return "; ".join(part for part in parts if part)
 
 

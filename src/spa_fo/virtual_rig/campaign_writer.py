@@ -223,7 +223,8 @@ def _description_lines(
     yield f"material: {plan.material}"
     yield (
         f'provenance: {{kind: synthetic, source: "virtual rig, seed {seed}", '
-        'note: "stand-in for measurements that were never published"}'
+        'note: "stand-in for measurements that were never published; '
+        'how far the model misses is by construction"}'
     )
     yield "log: {format: spa-rig}"
     sensor = plan.specimen.acquisition.pressure_sensor
