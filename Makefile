@@ -5,6 +5,8 @@ CORES ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+# The system's pip installs into the environment: some systems cannot put a pip into a new one.
+PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
 
 .PHONY: help reproduce test format unlock lock
 
@@ -16,9 +18,9 @@ help:
 	@echo "make lock        resolve the dependencies anew into requirements.lock"
 
 $(INSTALLED): requirements.lock pyproject.toml
-	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(PYTHON) -m venv --clear --without-pip $(VENV)
+	$(PIP) install --require-hashes -r requirements.lock
+	$(PIP) install --no-deps --no-build-isolation --editable .
 	touch $@
 
 reproduce: $(INSTALLED)
