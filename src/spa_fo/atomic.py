@@ -10,6 +10,9 @@ from pathlib import Path
 
 from spa_fo.errors import BadInput
 
+TEMPORARY = ".part-"
+"""How the name of a file begins that is still being written, or was when its writer was killed."""
+
 
 @contextmanager
 def replacing(path: Path | str) -> Iterator[Path]:
@@ -37,9 +40,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent
-        )
+        handle, name = tempfile.mkstemp(prefix=TEMPORARY, suffix=path.suffix, dir=path.parent)
         os.close(handle)
         temporary = Path(name)
         yield temporary

@@ -1,6 +1,7 @@
 import re
 from pathlib import Path
 
+from spa_fo.atomic import TEMPORARY
 from spa_fo.config import read_config
 from spa_fo.edge import bad_input_exits
 from spa_fo.sources import code_hash
@@ -21,6 +22,12 @@ with bad_input_exits():
 RAW = Path(CONFIG["raw"])
 RESULTS = Path(CONFIG["results"])
 MATERIALS = list(CONFIG["materials"])
+
+
+onstart:
+    # What a killed run was writing; the lock says that nobody writes now.
+    for path in RESULTS.rglob(f"{TEMPORARY}*"):
+        path.unlink()
 
 
 wildcard_constraints:
