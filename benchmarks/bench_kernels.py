@@ -140,7 +140,12 @@ def worst(found: np.ndarray, expected: np.ndarray) -> float:
 
 
 def compare_mittag_leffler(budget: float, count: int) -> list[tuple[str, list[Row]]]:
-    """Arguments z = -x on a logarithmic grid; one table for each set of parameters."""
+    """Arguments z = -x on a logarithmic grid; one table for each set of parameters.
+
+    On one thread, as the other codes.
+    """
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
     z = -np.geomspace(0.01, 40.0, count)
     tables = []
     for alpha, beta, gamma in [(0.7, 1.0, 1.0), (1.406, 2.406, 1.0), (1.9, 1.0, 1.0),
@@ -173,6 +178,7 @@ def compare_mittag_leffler(budget: float, count: int) -> list[tuple[str, list[Ro
         ]
         title = f"E^γ_{{α,β}}(−x), α = {alpha}, β = {beta}, γ = {gamma:g}: time per value"
         tables.append((title, rows))
+    numba.set_num_threads(threads)
     return tables
 
 

@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 
+import numba
 import numpy as np
 import pymittagleffler
 import pytest
@@ -108,3 +109,14 @@ def test_shape_and_overflow():
 def test_refuses_what_is_outside_the_domain(arguments):
     with pytest.raises(ValueError, match="must"):
         mittag_leffler(*arguments)
+
+
+def test_the_same_bits_for_one_and_all_threads():
+    z = np.linspace(-30.0, 3.0, 999)
+    threads = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        one = mittag_leffler(z, 1.406, 2.406, 2.0)
+    finally:
+        numba.set_num_threads(threads)
+    assert np.array_equal(one, mittag_leffler(z, 1.406, 2.406, 2.0))

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import math
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spa_fo._jit import njit
+from spa_fo._jit import njit, njit_parallel
 from spa_fo.fractional.characteristic import cexp
 from spa_fo.fractional.step import HYPERBOLA_MU, HYPERBOLA_PHI, NODES, WEIGHTS
 
@@ -148,12 +149,12 @@ def _prabhakar(z: float, alpha: float, beta: float, gamma: float) -> float:
     return total
 
 
-@njit
+@njit_parallel
 def _prabhakar_array(
     z: np.ndarray, alpha: float, beta: float, gamma: float, out: np.ndarray
 ) -> None:
     at_zero = 0.0 if beta <= 0.0 and beta == math.floor(beta) else 1.0 / math.gamma(beta)
-    for j in range(z.size):
+    for j in numba.prange(z.size):
         out[j] = _prabhakar(z[j], alpha, beta, gamma) if z[j] != 0.0 else at_zero
 
 
