@@ -49,11 +49,6 @@ class Ludwick:
             if not np.isfinite(value) or (name != "force" and value <= 0):
                 raise ValueError(f"{name} must be a positive number, not {value}")
 
-    def static_angle(self, u: float) -> float:
-        """Return the final angle in rad for a step to `u`."""
-        level = self.force * u / self.natural_frequency**2
-        return float(np.sign(level) * abs(level) ** (1.0 / self.exponent))
-
 
 def ludwick_step(t: ArrayLike, u: float, model: Ludwick) -> NDArray[np.float64]:
     """Response at rest before t = 0 to a step of height `u`.

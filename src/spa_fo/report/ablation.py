@@ -136,7 +136,7 @@ def _left_out_panel(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_ylabel("RMS error (°)")
     axes.set_ylim(bottom=0)
     axes.set_title("(b) error on the mean of the trials left out", loc="left")
-    axes.legend(title="all experiments together")
+    axes.legend(title="all experiments together" if (rows["group"] == ALL).all() else None)
 
 
 def _parameter_panel(axes: Axes, rows: pd.DataFrame) -> None:

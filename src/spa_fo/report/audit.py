@@ -191,7 +191,7 @@ def _around_three_to_four() -> AuditLine:
     ]
     holds = round(min(percents)) >= low and round(max(percents)) <= high
     return AuditLine(
-        "Conclusion",
+        "Claims",
         f"RMS errors of the fractional model are around {low:g}–{high:g} %",
         f"from {min(percents):.2f} to {max(percents):.2f} %",
         HOLDS if holds else FAILS,
@@ -208,7 +208,7 @@ def _improvements() -> Iterator[AuditLine]:
             gain = nonlinear - fractional
             enough = gain > paper.CLAIMED_IMPROVEMENT_PERCENT
             yield AuditLine(
-                "Abstract",
+                "Claims",
                 f"{paper.MATERIALS[design]} at {setpoint:g}°: improved by more than "
                 f"{paper.CLAIMED_IMPROVEMENT_PERCENT:g} % over the nonlinear model",
                 f"{nonlinear:.2f} − {fractional:.2f} = {gain:+.2f} points "
@@ -225,7 +225,7 @@ def _gains() -> Iterator[AuditLine]:
         )
         reached = [s for s in paper.SETPOINTS_DEG if math.isclose(gain_deg, s, rel_tol=0.01)]
         yield AuditLine(
-            "Eq. 13, Table I",
+            "Table I",
             f"{paper.MATERIALS[design]}: a constant source brings "
             + " and ".join(f"{setpoint:g}°" for setpoint in paper.SETPOINTS_DEG),
             f"b0/a0 = {x.gain:.3f} rad = {gain_deg:.1f}° for a unit step; {inputs}",
@@ -261,7 +261,7 @@ def _data_sets() -> Iterator[AuditLine]:
         gain = 100 * error["K"] / math.sqrt(paper.DATASETS)
         needed = math.ceil((error[worst] / DETERMINED_WITHIN) ** 2)
         yield AuditLine(
-            "Sec. on PSO",
+            "Identification",
             f"{paper.MATERIALS[design]}: with {paper.DATASETS} datasets of {paper.POINTS} points "
             "the parameters no longer drift",
             f"Cramér-Rao bound at Table I, {NOISE_DEG:g}° of white noise, {RECORD_S:g} s, search "
@@ -304,7 +304,7 @@ def least_errors(x: TransferFunction) -> tuple[dict[str, float], float]:
 
 def _identifiability(result: Identified) -> AuditLine:
     return AuditLine(
-        "Sec. on PSO",
+        "Identification",
         f"{result.label}: step responses identify the five parameters",
         f"condition number of the Fisher information {result.condition_number:.1e}; not "
         f"determined: {', '.join(result.undetermined) or 'none'}; with {result.widest} anywhere in "
@@ -317,7 +317,7 @@ def _identifiability(result: Identified) -> AuditLine:
 def _swarm(result: Identified) -> AuditLine:
     swarm = result.swarm
     return AuditLine(
-        "Sec. on PSO",
+        "Identification",
         f"{result.label}: {paper.SWARM_PARTICLES} particles × {paper.SWARM_ITERATIONS} iterations "
         "find the optimum",
         f"{swarm.particles}×{swarm.iterations}, {swarm.bounds} bounds: {swarm.hits} of "
