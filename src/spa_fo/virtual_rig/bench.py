@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from spa_fo.virtual_rig.actuator import SoftActuator
-from spa_fo.virtual_rig.arrays import Array
+from spa_fo.virtual_rig.arrays import Array, chain
 from spa_fo.virtual_rig.converter import Acquisition, Counts
 from spa_fo.virtual_rig.flex_sensor import FlexSensor
-from spa_fo.virtual_rig.syringe_pump import SyringePump, delay
+from spa_fo.virtual_rig.syringe_pump import SyringePump
 
 _STEPS_PER_SECOND = 1000
 _SETTLING_S = 2.0  # fills the buffers of a fresh bench
@@ -93,19 +93,27 @@ class Bench:
         Sampling rate of the board.
     starts_s : float
         Campaign time now, s.
+    steps_per_second : float
+        Simulation steps, about; each sample has a whole number of them.
     """
 
-    def __init__(self, specimen: Specimen, rate_hz: float, starts_s: float) -> None:
+    def __init__(
+        self,
+        specimen: Specimen,
+        rate_hz: float,
+        starts_s: float,
+        steps_per_second: float = _STEPS_PER_SECOND,
+    ) -> None:
         self._specimen = specimen
         self._rate_hz = rate_hz
-        self._steps = max(1, round(_STEPS_PER_SECOND / rate_hz))
+        self._steps = max(1, round(steps_per_second / rate_hz))
         step_s = 1.0 / (rate_hz * self._steps)
         latency = specimen.acquisition.channel_latency
         self._pump = specimen.pump.begin(step_s)
         self.now_s = starts_s - _SETTLING_S
         self._actuator = specimen.actuator.begin(step_s, self.now_s)
         self._sensor = specimen.sensor.begin(step_s)
-        self._flex_delay = delay(0 if latency is None else round(latency.delay_s / step_s))
+        self._flex_filter = chain([] if latency is None else [latency.begin(step_s)])
         self._pressure_kpa = self._flex_volts = 0.0
         self.rest(starts_s)
 
@@ -133,7 +141,17 @@ class Bench:
         pressure_counts, flex_counts : ndarray (n,)
             What the board reads at each sample, before its command takes effect.
         """
-        return self._read(*self._run(command_kpa, None), rng)
+        return self._read(*self.drive_exactly(command_kpa), rng)
+
+    def drive_exactly(self, command_kpa: Array) -> tuple[Array, Array, Array]:
+        """Run one sample period for each command; nothing is converted.
+
+        Returns
+        -------
+        time_s, pressure_kpa, flex_volts : ndarray (n,)
+            Campaign time, true pressure and what stands at the flex channel at each sample.
+        """
+        return self._picked_up(*self._run(command_kpa, None))
 
     def rest(self, until_s: float) -> None:
         """Let the vented actuator lie until campaign time `until_s`."""
@@ -152,8 +170,12 @@ class Bench:
         flex_counts : ndarray (n,)
             What the board reads.
         """
-        time, _, flex = self._read(*self._run(np.zeros(angle_deg.size), angle_deg), rng)
+        time, _, flex = self._read(*self.hold_exactly(angle_deg), rng)
         return time, flex
+
+    def hold_exactly(self, angle_deg: Array) -> tuple[Array, Array, Array]:
+        """Bend the sensor in the fixture as `hold_in_fixture`, return as `drive_exactly`."""
+        return self._picked_up(*self._run(np.zeros(angle_deg.size), angle_deg))
 
     def _run(self, command_kpa: Array, fixture_deg: Array | None) -> tuple[Array, Array, Array]:
         """Advance the physics; campaign time, true pressure and flex voltage at each sample."""
@@ -163,7 +185,7 @@ class Bench:
             volts = self._sensor(angle)
         else:
             volts = self._sensor.in_fixture(np.repeat(fixture_deg, self._steps))
-        volts = self._flex_delay(volts)
+        volts = self._flex_filter(volts)
         # The board samples at the start of a period: what the last one ended with.
         ends = slice(self._steps - 1, None, self._steps)
         pressure = np.append(self._pressure_kpa, pressure[ends])
@@ -173,14 +195,22 @@ class Bench:
         self.now_s += command_kpa.size / self._rate_hz
         return time, pressure[:-1], volts[:-1]
 
+    def _picked_up(
+        self, time_s: Array, pressure_kpa: Array, flex_volts: Array
+    ) -> tuple[Array, Array, Array]:
+        """Add what the flex channel's wire picks up."""
+        pickup = self._specimen.acquisition.mains_pickup
+        if pickup is not None:
+            converter = self._specimen.acquisition.converter
+            volts_per_count = converter.reference_volt / converter.maximum
+            flex_volts = flex_volts + volts_per_count * pickup.counts(time_s)
+        return time_s, pressure_kpa, flex_volts
+
     def _read(
         self, time_s: Array, pressure_kpa: Array, flex_volts: Array, rng: np.random.Generator
     ) -> tuple[Array, Counts, Counts]:
         """Convert what the sensors say to counts."""
         acquisition = self._specimen.acquisition
         converter = acquisition.converter
-        if acquisition.mains_pickup is not None:
-            volts_per_count = converter.reference_volt / converter.maximum
-            flex_volts = flex_volts + volts_per_count * acquisition.mains_pickup.counts(time_s)
         pressure_volts = acquisition.pressure_sensor.volts(pressure_kpa)
         return time_s, converter.counts(pressure_volts, rng), converter.counts(flex_volts, rng)

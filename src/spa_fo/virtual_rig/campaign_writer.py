@@ -13,7 +13,7 @@ import shutil
 import tempfile
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +33,7 @@ from spa_fo.virtual_rig.wire import (
     data_line,
 )
 
-_PRE_CALIBRATION_S = -600.0
+PRE_CALIBRATION_S = -600.0
 _POST_CALIBRATION_S = 600.0  # after the last trial
 _DWELL_S = 3.0
 _MOVE_S = 2.0
@@ -58,12 +58,12 @@ def schedule(plan: CampaignPlan, seed: int) -> list[PlannedTrial]:
     """List every trial of a campaign in the order it is run, with the rests between."""
     by_name = {experiment.name: experiment for experiment in plan.experiments}
     seen: Counter[str] = Counter()
-    trials, started_s = [], 0.0
-    for order, name in enumerate(plan.order, start=1):
+    trials, started_s = [], plan.first_s
+    for order, name in enumerate(plan.order, start=plan.first_order):
         seen[name] += 1
         trial = PlannedTrial(by_name[name], seen[name], order, started_s)
         trials.append(trial)
-        rest_s = plan.rest_s * _stream(plan, seed, f"rest after {trial.file}").uniform(
+        rest_s = plan.rest_s * stream(plan, seed, f"rest after {trial.file}").uniform(
             1.0, 4.0 / 3.0
         )
         started_s = round(started_s + trial.experiment.profile.duration_s + rest_s, 1)
@@ -72,31 +72,53 @@ def schedule(plan: CampaignPlan, seed: int) -> list[PlannedTrial]:
 
 def campaign_files(plan: CampaignPlan, seed: int) -> dict[str, bytes]:
     """Run a campaign: every file of its folder by its relative name, checksums included."""
-    trials = schedule(plan, seed)
-    clock = _clock(plan, trials)
-    # The board samples by its own crystal.
-    rate_hz = plan.rate_hz * (1.0 + plan.clock_error_ppm * 1e-6)
-    bench = Bench(plan.specimen, rate_hz, _PRE_CALIBRATION_S)
-    last = trials[-1]
-    post_s = round(last.started_s + last.experiment.profile.duration_s + _POST_CALIBRATION_S, 1)
-    damages = _shared_out(plan.damage, len(trials), _stream(plan, seed, "damage"))
+    return _run([plan], seed)[0]
 
-    files = {}
-    files["calibration/pre.log"] = _calibrate(
-        plan, bench, clock, _stream(plan, seed, "calibration/pre")
-    )
-    for trial, damage in zip(trials, damages, strict=True):
-        bench.rest(trial.started_s)
-        rng = _stream(plan, seed, trial.file)
-        files[trial.file], clock = _record(plan, bench, clock, trial, damage, rng)
-    bench.rest(post_s)
-    files["calibration/post.log"] = _calibrate(
-        plan, bench, clock, _stream(plan, seed, "calibration/post")
-    )
-    files["campaign.yaml"] = _description(plan, seed, trials, post_s).encode("ascii")
-    sums = [f"{hashlib.sha256(files[name]).hexdigest()}  {name}\n" for name in sorted(files)]
-    files["SHA256SUMS"] = "".join(sums).encode("ascii")
-    return files
+
+def continued_files(
+    plan: CampaignPlan, later: CampaignPlan, seed: int
+) -> tuple[dict[str, bytes], dict[str, bytes]]:
+    """Run a campaign and another that continues it on the same bench: the files of each.
+
+    The later one holds the first one's earliest calibration, through which its angles are read.
+    """
+    first, second = _run([plan, later], seed)
+    return first, second
+
+
+def _run(plans: Sequence[CampaignPlan], seed: int) -> list[dict[str, bytes]]:
+    """Run campaigns one after the other on one bench, calibrated once at the start."""
+    plan = plans[0]
+    clock = _clock(plan, schedule(plan, seed))
+    bench = Bench(plan.specimen, board_rate_hz(plan), PRE_CALIBRATION_S)
+    pre = _calibrate(plan, bench, clock, stream(plan, seed, "calibration/pre"))
+    campaigns = []
+    for plan in plans:
+        files = {"calibration/pre.log": pre}
+        trials = schedule(plan, seed)
+        damages = _shared_out(plan.damage, len(trials), stream(plan, seed, "damage"))
+        for trial, damage in zip(trials, damages, strict=True):
+            bench.rest(trial.started_s)
+            rng = stream(plan, seed, trial.file)
+            files[trial.file], clock = _record(plan, bench, clock, trial, damage, rng)
+        post_s = None
+        if plan.post_calibration:
+            end_s = trials[-1].started_s + trials[-1].experiment.profile.duration_s
+            post_s = round(end_s + _POST_CALIBRATION_S, 1)
+            bench.rest(post_s)
+            files["calibration/post.log"] = _calibrate(
+                plan, bench, clock, stream(plan, seed, "calibration/post")
+            )
+        files["campaign.yaml"] = _description(plan, seed, trials, post_s).encode("ascii")
+        sums = [f"{hashlib.sha256(files[name]).hexdigest()}  {name}\n" for name in sorted(files)]
+        files["SHA256SUMS"] = "".join(sums).encode("ascii")
+        campaigns.append(files)
+    return campaigns
+
+
+def board_rate_hz(plan: CampaignPlan) -> float:
+    """Give the sampling rate by campaign time: the board samples by its own crystal."""
+    return plan.rate_hz * (1.0 + plan.clock_error_ppm * 1e-6)
 
 
 def write_campaign(plan: CampaignPlan, seed: int, folder: Path) -> None:
@@ -109,7 +131,19 @@ def write_campaign(plan: CampaignPlan, seed: int, folder: Path) -> None:
     """
     if folder.exists():
         raise BadInput(folder, "exists already; expected a new folder, logs are not overwritten")
-    files = campaign_files(plan, seed)
+    write_folder(campaign_files(plan, seed), folder)
+
+
+def write_folder(files: Mapping[str, bytes], folder: Path) -> None:
+    """Write a new folder of files given by their relative names, whole or not at all.
+
+    Raises
+    ------
+    BadInput
+        The folder exists already, or cannot be written.
+    """
+    if folder.exists():
+        raise BadInput(folder, "exists already; expected a new folder, logs are not overwritten")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as scratch:
@@ -123,8 +157,8 @@ def write_campaign(plan: CampaignPlan, seed: int, folder: Path) -> None:
         raise BadInput(folder, f"cannot be written: {error.strerror or error}") from error
 
 
-def _stream(plan: CampaignPlan, seed: int, name: str) -> np.random.Generator:
-    """Open the random stream of one file."""
+def stream(plan: CampaignPlan, seed: int, name: str) -> np.random.Generator:
+    """Open the random stream of one file of a campaign."""
     key = zlib.crc32(f"{plan.name}/{name}".encode())
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(key,))))
 
@@ -132,7 +166,7 @@ def _stream(plan: CampaignPlan, seed: int, name: str) -> np.random.Generator:
 def _clock(plan: CampaignPlan, trials: list[PlannedTrial]) -> BoardClock:
     """Give a board powered on so long enough ago that its micros() wraps as planned."""
     if plan.wrap is None:
-        return BoardClock(_PRE_CALIBRATION_S - 60.0, plan.clock_error_ppm)
+        return BoardClock(PRE_CALIBRATION_S - 60.0, plan.clock_error_ppm)
     name, number, second = plan.wrap
     trial = next(t for t in trials if (t.experiment.name, t.trial) == (name, number))
     wrap_s = WRAP * 1e-6 / (1.0 + plan.clock_error_ppm * 1e-6)
@@ -188,20 +222,25 @@ def _calibrate(
     plan: CampaignPlan, bench: Bench, clock: BoardClock, rng: np.random.Generator
 ) -> bytes:
     """Bend the sensor by hand in the fixture: a move, unlogged, then a dwell at each angle."""
-    dwell, move = round(_DWELL_S * plan.rate_hz), round(_MOVE_S * plan.rate_hz)
-    angles = np.array(plan.calibration_deg, dtype=float)
-    starts = np.concatenate([angles[:1], angles[:-1]])
-    moves = np.linspace(starts, angles, move, endpoint=False, axis=1)
-    dwells = np.repeat(angles[:, None], dwell, axis=1)
-    time, flex = bench.hold_in_fixture(np.hstack([moves, dwells]).ravel(), rng)
-    still = np.tile(np.arange(move + dwell) >= move, angles.size)
-    logged: Array = np.repeat(angles, dwell)
-    fields = list(zip(logged.tolist(), flex[still].tolist(), strict=True))
+    angles, still = fixture_angles(plan)
+    time, flex = bench.hold_in_fixture(angles, rng)
+    fields = list(zip(angles[still].tolist(), flex[still].tolist(), strict=True))
     lines = [banner(CALIBRATION_COLUMNS, plan.rate_hz)]
     lines += _rows(
         clock.micros(time[still], rng), [(f"{angle:.1f}", count) for angle, count in fields]
     )
     return b"".join(line + plan.line_end for line in lines)
+
+
+def fixture_angles(plan: CampaignPlan) -> tuple[Array, NDArray[np.bool_]]:
+    """Give the fixture's angle at each sample of a calibration, and where it stands still."""
+    dwell, move = round(_DWELL_S * plan.rate_hz), round(_MOVE_S * plan.rate_hz)
+    angles = np.array(plan.calibration_deg, dtype=float)
+    starts = np.concatenate([angles[:1], angles[:-1]])
+    moves = np.linspace(starts, angles, move, endpoint=False, axis=1)
+    dwells = np.repeat(angles[:, None], dwell, axis=1)
+    still = np.tile(np.arange(move + dwell) >= move, angles.size)
+    return np.hstack([moves, dwells]).ravel(), still
 
 
 def _rows(stamps: NDArray[np.int64], fields: Sequence[tuple[object, ...]]) -> list[bytes]:
@@ -211,18 +250,23 @@ def _rows(stamps: NDArray[np.int64], fields: Sequence[tuple[object, ...]]) -> li
     ]
 
 
-def _description(plan: CampaignPlan, seed: int, trials: list[PlannedTrial], post_s: float) -> str:
+def _description(
+    plan: CampaignPlan, seed: int, trials: list[PlannedTrial], post_s: float | None
+) -> str:
     return "".join(f"{line}\n" for line in _description_lines(plan, seed, trials, post_s))
 
 
 def _description_lines(
-    plan: CampaignPlan, seed: int, trials: list[PlannedTrial], post_s: float
+    plan: CampaignPlan, seed: int, trials: list[PlannedTrial], post_s: float | None
 ) -> Iterator[str]:
     yield "schema: spa-fo/campaign/1"
     yield f"name: {plan.name}"
     yield f"material: {plan.material}"
+    if plan.continues is not None:
+        yield f"continues: {plan.continues}"
+    source = plan.source or f"virtual rig, seed {seed}"
     yield (
-        f'provenance: {{kind: synthetic, source: "virtual rig, seed {seed}", '
+        f'provenance: {{kind: synthetic, source: "{source}", '
         'note: "stand-in for measurements that were never published; '
         'how far the model misses is by construction"}'
     )
@@ -235,8 +279,9 @@ def _description_lines(
     )
     yield f"input: {{reference_kpa: {plan.specimen.actuator.reference_kpa}}}"
     yield "calibration:"
-    yield f"  - {{file: calibration/pre.log, started_s: {_PRE_CALIBRATION_S}}}"
-    yield f"  - {{file: calibration/post.log, started_s: {post_s}}}"
+    yield f"  - {{file: calibration/pre.log, started_s: {PRE_CALIBRATION_S}}}"
+    if post_s is not None:
+        yield f"  - {{file: calibration/post.log, started_s: {post_s}}}"
     yield "experiments:"
     for experiment in plan.experiments:
         setpoint = "null" if experiment.setpoint_deg is None else f"{experiment.setpoint_deg:g}"

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.virtual_rig.arrays import Array
+from spa_fo.virtual_rig.arrays import Array, Effect, Process
+from spa_fo.virtual_rig.syringe_pump import delay
 
 Counts = NDArray[np.int64]
 
@@ -66,6 +67,10 @@ class ChannelLatency:
 
     delay_s: float
 
+    def begin(self, step_s: float) -> Process:
+        """Start with an empty buffer."""
+        return delay(self.delay_s / step_s)
+
 
 @dataclass(frozen=True)
 class MainsPickup:
@@ -92,5 +97,5 @@ class Acquisition:
 
     pressure_sensor: PressureSensor = PressureSensor()
     converter: Converter = Converter()
-    channel_latency: ChannelLatency | None = None
+    channel_latency: Effect | None = None
     mains_pickup: MainsPickup | None = None

@@ -12,18 +12,18 @@ import numpy as np
 from scipy.signal import lfilter
 
 from spa_fo._jit import njit
-from spa_fo.virtual_rig.arrays import Array, Process, chain
+from spa_fo.virtual_rig.arrays import Array, Effect, Process, chain
 
 
 @dataclass(frozen=True)
 class DeadTime:
-    """A pure transport delay of `delay_s` seconds, rounded to the simulation step."""
+    """A pure transport delay of `delay_s` seconds."""
 
     delay_s: float
 
     def begin(self, step_s: float) -> Process:
         """Start at rest."""
-        return delay(round(self.delay_s / step_s))
+        return delay(self.delay_s / step_s)
 
 
 @dataclass(frozen=True)
@@ -127,12 +127,12 @@ class LowPass:
 class SyringePump:
     """The drive, in the order the command passes through it; None is an effect that is absent."""
 
-    dead_time: DeadTime | None = None
-    drive_backlash: DriveBacklash | None = None
-    slew_limit: SlewLimit | None = None
-    supply_droop: SupplyDroop | None = None
-    line_lag: LineLag | None = None
-    leak: Leak | None = None
+    dead_time: Effect | None = None
+    drive_backlash: Effect | None = None
+    slew_limit: Effect | None = None
+    supply_droop: Effect | None = None
+    line_lag: Effect | None = None
+    leak: Effect | None = None
 
     def begin(self, step_s: float) -> Process:
         """Start the drive at 0 kPa: commanded kPa in, true gauge kPa out, both every `step_s`."""
@@ -147,15 +147,17 @@ class SyringePump:
         return chain([effect.begin(step_s) for effect in effects if effect is not None])
 
 
-def delay(steps: int) -> Process:
-    """Delay a signal by a whole number of steps, zero before it began."""
-    waiting = np.zeros(steps)
+def delay(steps: float) -> Process:
+    """Delay a signal by `steps`, straight between them; zero before it began."""
+    whole, part = divmod(round(steps, 6), 1.0)
+    waiting = np.zeros(int(whole) + 1)
 
     def advance(signal: Array) -> Array:
         nonlocal waiting
         line = np.concatenate([waiting, signal])
         waiting = line[len(signal) :]
-        return line[: len(signal)]
+        late, later = line[1 : len(signal) + 1], line[: len(signal)]
+        return np.asarray(late + part * (later - late)) if part else late
 
     return advance
 
