@@ -1,0 +1,269 @@
+"""The simulator with effects: command -> pressure -> angle -> reading, any number of them together.
+
+One memory runs through a whole campaign, and through a later one that continues it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo._jit import njit
+from spa_fo.plant.effects.actuator import CREEP_TIMES_S, MULLINS_LEVELS, STOPS, move
+from spa_fo.plant.effects.drive import DRIVE_BACKLASH, drive_pressure
+from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.sensor import read_angle
+from spa_fo.plant.grid import CampaignGrid
+from spa_fo.plant.memory import MODES, Contour, contour_for
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_LATENCY = LIBRARY["channel_latency"].first
+_SLIP = LIBRARY["sensor_slip"].first
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What a specimen remembers: a virgin one by default.
+
+    Attributes
+    ----------
+    modes : (MODES,) complex array
+        Fractional memory.
+    creep, stops, virgin, film : arrays
+        Creep elements (rad), friction stops and last angle, virgin share by level, sensor film.
+    play_kpa : (2,) array
+        Position of a pump with play.
+    ends_s : float
+        Campaign time it holds for; NaN for a virgin specimen.
+    """
+
+    modes: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(MODES, complex))
+    creep: Floats = field(default_factory=lambda: np.zeros(CREEP_TIMES_S.size))
+    stops: Floats = field(default_factory=lambda: np.zeros(STOPS + 1))
+    virgin: Floats = field(default_factory=lambda: np.ones(MULLINS_LEVELS.size))
+    film: Floats = field(default_factory=lambda: np.zeros(4 + CREEP_TIMES_S.size))
+    play_kpa: Floats = field(default_factory=lambda: np.zeros(2))
+    ends_s: float = math.nan
+
+    def copy(self) -> Memory:
+        """Return one whose arrays may change."""
+        return replace(
+            self,
+            **{
+                name: getattr(self, name).copy()
+                for name in ("modes", "creep", "stops", "virgin", "film", "play_kpa")
+            },
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return lists and numbers, ready for JSON."""
+        return {
+            "modes": [[z.real, z.imag] for z in self.modes.tolist()],
+            **{
+                name: getattr(self, name).tolist()
+                for name in ("creep", "stops", "virgin", "film", "play_kpa")
+            },
+            "ends_s": self.ends_s,
+        }
+
+    @classmethod
+    def from_dict(cls, document: dict[str, Any]) -> Memory:
+        """Read what `to_dict` wrote.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            Something else was written.
+        """
+        fresh = cls()
+        pairs = np.asarray(document["modes"], dtype=np.float64)
+        arrays: dict[str, Any] = {"modes": pairs[:, 0] + 1j * pairs[:, 1]}
+        for name in ("creep", "stops", "virgin", "film", "play_kpa"):
+            arrays[name] = np.asarray(document[name], dtype=np.float64)
+        for name, value in arrays.items():
+            if value.shape != getattr(fresh, name).shape:
+                raise ValueError(f"{name}: expected {getattr(fresh, name).size} values")
+        return cls(**arrays, ends_s=float(document["ends_s"]))
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A campaign ready to be simulated many times.
+
+    Attributes
+    ----------
+    grid : CampaignGrid
+        The campaign.
+    input_kpa : (cells,) array
+        What enters: the command, or a pressure (then no drive effect acts).
+    is_pressure : bool
+        Which of the two it is.
+    reference_kpa : float
+        Pressure at which u = 1.
+    contour : Contour
+        Of the fractional memory.
+    memory : Memory
+        What the specimen remembers at the start.
+    """
+
+    grid: CampaignGrid
+    input_kpa: Floats
+    is_pressure: bool
+    reference_kpa: float
+    contour: Contour
+    memory: Memory = field(default_factory=Memory)
+
+    def pressure(self, effects: Floats, play: Floats) -> Floats:
+        """True pressure on the cells, kPa."""
+        if self.is_pressure:
+            return self.input_kpa
+        return np.asarray(drive_pressure(self.input_kpa, self.grid.cell_starts, effects, play))
+
+    def run(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
+        """Simulate all trials.
+
+        Parameters
+        ----------
+        x : (5,) array
+            alpha2, alpha1, a1, a0, b0.
+        effects : array
+            Parameters of all effects in the library's order, NaN where absent.
+
+        Returns
+        -------
+        angle_deg : (n,) array
+            The reading at each averaged sample of the grid.
+        memory : Memory
+            At the end of the last trial.
+        """
+        reading, memory = self.readings(x, effects)
+        return self.observed(reading, effects), memory
+
+    def readings(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
+        """Simulate all trials; the reading (deg) at the end of each step."""
+        grid, memory = self.grid, self.memory.copy()
+        pressure = self.pressure(effects, memory.play_kpa)
+        load = grid.step_means(pressure) / self.reference_kpa
+        if not math.isnan(effects[DRIVE_BACKLASH]) and not self.is_pressure:
+            load[grid.cells == 0] = _resting(effects) / self.reference_kpa
+        c = self.contour
+        angle = move(
+            load,
+            grid.level,
+            grid.middle_s,
+            x,
+            effects,
+            c.nodes,
+            c.angles,
+            c.weights,
+            c.keep,
+            c.gain,
+            memory.modes,
+            memory.creep,
+            memory.stops,
+            memory.virgin,
+        )
+        reading = read_angle(np.degrees(angle), grid.level, effects, memory.film)
+        last = grid.trials[-1]
+        return reading, replace(memory, ends_s=last.started_s + float(last.t_s[-1]))
+
+    def observed(self, reading: Floats, effects: Floats) -> Floats:
+        """Take the reading at the grid's averaged samples; the log's delay and the slip act here."""
+        grid = self.grid
+        before = np.concatenate([[0.0], reading[:-1]])
+        if math.isnan(effects[_LATENCY]):
+            share = grid.sample_share
+            y = (1.0 - share) * before[grid.sample_step] + share * reading[grid.sample_step]
+        else:
+            y = _delayed(
+                reading,
+                grid.level,
+                grid.step_starts,
+                grid.sample_step,
+                grid.sample_share,
+                grid.sample_trial,
+                effects[_LATENCY],
+            )
+        if not math.isnan(effects[_SLIP]):
+            y = y + slipped(grid.orders, effects)[grid.sample_trial]
+        return np.asarray(y)
+
+
+def slipped(orders: Integers, effects: Floats) -> Floats:
+    """Zero of a slipping sensor in the trials of these orders, deg."""
+    walk, jump, at = effects[_SLIP : _SLIP + 3]
+    return np.asarray(walk * (orders - 1) + jump * (orders >= at))
+
+
+def chain_for(
+    grid: CampaignGrid,
+    x: Floats,
+    reference_kpa: float,
+    pressure_kpa: Floats | None = None,
+    memory: Memory | None = None,
+) -> Chain:
+    """Prepare a campaign for simulations with coefficients near `x`.
+
+    Parameters
+    ----------
+    grid : CampaignGrid
+        The campaign.
+    x : (5,) array
+        alpha2, alpha1, a1, a0, b0: they choose the contour.
+    reference_kpa : float
+        Pressure at which u = 1.
+    pressure_kpa : (cells,) array, optional
+        True pressure on the cells, in place of the command and the drive.
+    memory : Memory, optional
+        Of a specimen with a past.
+
+    Raises
+    ------
+    ValueError
+        There is neither a command nor `pressure_kpa`.
+    """
+    driven = grid.command_kpa if pressure_kpa is None else pressure_kpa
+    if driven is None:
+        raise ValueError("the campaign holds no command")
+    return Chain(
+        grid, driven, pressure_kpa is not None, reference_kpa, contour_for(x), memory or Memory()
+    )
+
+
+def _resting(effects: Floats) -> float:
+    """Pressure that a pump with play leaves in the actuator after it was vented, kPa."""
+    return float(effects[DRIVE_BACKLASH] * effects[DRIVE_BACKLASH + 1])
+
+
+@njit
+def _delayed(
+    reading: Floats,
+    level: Integers,
+    starts: Integers,
+    step: Integers,
+    share: Floats,
+    trial: Integers,
+    delay: float,
+) -> Floats:
+    """Read each sample `delay` seconds earlier, straight within a step."""
+    out = np.empty(step.size)
+    for i in range(step.size):
+        j = step[i]
+        first = starts[trial[i]]
+        back = delay
+        length = 0.02 * 2.0 ** level[j]
+        at = share[i] * length - back
+        while at < 0.0 and j > first:
+            j -= 1
+            length = 0.02 * 2.0 ** level[j]
+            at += length
+        at = max(at, 0.0)
+        before = reading[j - 1] if j > 0 else 0.0
+        out[i] = before + (reading[j] - before) * at / length
+    return out

@@ -1,0 +1,243 @@
+"""A campaign on the simulator's grid: steps, cells of the input, and the samples that fall in them.
+
+Steps are fine after a jump of the input and grow as the response slows; the rests between the
+trials are steps too, so that the specimen's memory runs through the whole campaign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.errors import BadInput
+from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S
+from spa_fo.rig import Trial
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_JUMP = 0.02  # of the largest input, within one cell
+_GROWTH = 8.0  # a step is at most this part of the time since the last jump
+_LONGEST = 4  # level of the longest step within a trial: 0.32 s
+_FIRST_REST = 2  # level of the first step of a rest
+
+
+@dataclass(frozen=True)
+class CampaignGrid:
+    """All trials of a campaign in the order they were run.
+
+    Attributes
+    ----------
+    trials : tuple of Trial
+        In that order.
+    command_kpa, pressure_kpa : (cells,) arrays or None
+        Means over cells of `FINEST_STEP_S`, all trials one after the other; None where a trial's
+        log lacks the column.
+    cell_starts : (trials + 1,) array
+        First cell of each trial.
+    level, first_cell, cells : (steps,) arrays
+        Step lengths as levels; the cells of the input in each step, none in a rest.
+    middle_s : (steps,) array
+        Campaign time at each step's middle.
+    step_starts : (trials + 1,) array
+        First step of each trial; its rest follows it.
+    trial_steps : (trials,) array
+        Number of steps before the rest.
+    sample_step, sample_share : (n,) arrays
+        Of each averaged sample: its step, and where in it its mean time lies (0 to 1).
+    sample_trial : (n,) array
+        Its trial, as an index into `trials`.
+    time_s, angle_deg, counts : (n,) arrays
+        Mean time within the trial, mean angle, samples averaged.
+    measured_kpa : (n,) array or None
+        Mean measured pressure.
+    """
+
+    trials: tuple[Trial, ...]
+    command_kpa: Floats | None
+    pressure_kpa: Floats | None
+    cell_starts: Integers
+    level: Integers
+    first_cell: Integers
+    cells: Integers
+    middle_s: Floats
+    step_starts: Integers
+    trial_steps: Integers
+    sample_step: Integers
+    sample_share: Floats
+    sample_trial: Integers
+    time_s: Floats
+    angle_deg: Floats
+    counts: Floats
+    measured_kpa: Floats | None
+
+    @property
+    def orders(self) -> Integers:
+        """Each trial's place in the campaign."""
+        return np.array([trial.order for trial in self.trials])
+
+    def step_means(self, cells: Floats) -> Floats:
+        """Average a signal given on cells over the steps; 0 in the rests."""
+        total = np.concatenate([[0.0], np.cumsum(cells)])
+        sums = total[self.first_cell + self.cells] - total[self.first_cell]
+        return np.asarray(np.where(self.cells > 0, sums / np.maximum(self.cells, 1), 0.0))
+
+
+def campaign_grid(trials: Sequence[Trial], source: object = "campaign") -> CampaignGrid:
+    """Lay the trials of a campaign on the simulator's grid.
+
+    Raises
+    ------
+    BadInput
+        A trial has neither command nor pressure, or no duration.
+    """
+    ordered = tuple(sorted(trials, key=lambda trial: trial.order))
+    laid = [_lay(trial, source) for trial in ordered]
+    largest = max(float(np.abs(item.drive).max()) for item in laid)
+    steps = [_steps(item.drive, largest) for item in laid]
+
+    level, first_cell, cells, middle, starts = [], [], [], [], [0]
+    samples: list[_Samples] = []
+    cell_starts = np.concatenate([[0], np.cumsum([item.drive.size for item in laid])])
+    for i, (trial, item, own) in enumerate(zip(ordered, laid, steps, strict=True)):
+        widths = 2**own
+        ends = np.cumsum(widths)
+        samples.append(_average(trial, ends * FINEST_STEP_S, own, starts[-1], i))
+        finish = trial.started_s + item.drive.size * FINEST_STEP_S
+        rest = _rest(ordered[i + 1].started_s - finish) if i + 1 < len(ordered) else _NO_REST
+        level += [own, rest]
+        first_cell += [cell_starts[i] + ends - widths, np.zeros(rest.size, dtype=np.int64)]
+        cells += [widths, np.zeros(rest.size, dtype=np.int64)]
+        lengths = STEPS_S[np.concatenate([own, rest])]
+        middle.append(trial.started_s + np.cumsum(lengths) - 0.5 * lengths)
+        starts.append(starts[-1] + own.size + rest.size)
+
+    measured = [item.measured_kpa for item in samples]
+    return CampaignGrid(
+        trials=ordered,
+        command_kpa=_joined([item.command for item in laid]),
+        pressure_kpa=_joined([item.pressure for item in laid]),
+        cell_starts=cell_starts.astype(np.int64),
+        level=np.concatenate(level),
+        first_cell=np.concatenate(first_cell),
+        cells=np.concatenate(cells),
+        middle_s=np.concatenate(middle),
+        step_starts=np.array(starts),
+        trial_steps=np.array([own.size for own in steps]),
+        sample_step=np.concatenate([item.step for item in samples]),
+        sample_share=np.concatenate([item.share for item in samples]),
+        sample_trial=np.concatenate([np.full(s.step.size, i) for i, s in enumerate(samples)]),
+        time_s=np.concatenate([item.time_s for item in samples]),
+        angle_deg=np.concatenate([item.angle_deg for item in samples]),
+        counts=np.concatenate([item.counts for item in samples]),
+        measured_kpa=_joined(measured),
+    )
+
+
+_NO_REST = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class _Laid:
+    """One trial's input on cells; `drive` is what there is of command and pressure."""
+
+    drive: Floats
+    command: Floats | None
+    pressure: Floats | None
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """One trial's samples averaged over steps."""
+
+    step: Integers
+    share: Floats
+    time_s: Floats
+    angle_deg: Floats
+    counts: Floats
+    measured_kpa: Floats | None
+
+
+def _lay(trial: Trial, source: object) -> _Laid:
+    keep = np.append(np.diff(trial.t_s) > 0, True)
+    t = trial.t_s[keep]
+    cells = int(np.ceil(t[-1] / FINEST_STEP_S - 1e-6)) if t.size > 1 else 0
+    if cells < 2:
+        raise BadInput(str(source), f"{trial.label} lasts {t[-1]:g} s; expected a longer log")
+    edges = FINEST_STEP_S * np.arange(cells + 1)
+    command = pressure = None
+    if trial.command_kpa is not None:
+        held = np.append(np.diff(t), FINEST_STEP_S)
+        area = np.concatenate([[0.0], np.cumsum(trial.command_kpa[keep] * held)])
+        at = np.append(t, t[-1] + FINEST_STEP_S)
+        command = np.diff(np.interp(edges, at, area)) / FINEST_STEP_S
+    if trial.pressure_kpa is not None:
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        pressure = np.interp(middle, t, trial.pressure_kpa[keep])
+    drive = command if command is not None else pressure
+    if drive is None:
+        raise BadInput(str(source), f"{trial.label} holds neither command nor pressure")
+    return _Laid(drive, command, pressure)
+
+
+def _steps(drive: Floats, largest: float) -> Integers:
+    """Choose the step levels of one trial."""
+    jumps = np.flatnonzero(np.abs(np.diff(drive, prepend=0.0)) > _JUMP * largest)
+    jumps = np.append(jumps, drive.size)
+    levels = []
+    at, since, following = 0, -drive.size, 0
+    while at < drive.size:
+        while jumps[following] <= at and following < jumps.size - 1:
+            since = int(jumps[following])
+            following += 1
+        room = int(jumps[following] if jumps[following] > at else drive.size) - at
+        allowed = max(1.0, (at - since) / _GROWTH)
+        level = min(_LONGEST, int(np.log2(allowed)), int(np.log2(room)))
+        levels.append(level)
+        at += 2**level
+    return np.array(levels, dtype=np.int64)
+
+
+def _rest(seconds: float) -> Integers:
+    """Split a rest into steps that grow."""
+    left = max(0, round(seconds / FINEST_STEP_S))
+    levels, level = [], _FIRST_REST
+    while left > 0:
+        level = min(level, int(np.log2(left)), LEVELS - 1)
+        levels.append(level)
+        left -= 2**level
+        level += 1
+    return np.array(levels, dtype=np.int64)
+
+
+def _average(trial: Trial, ends_s: Floats, level: Integers, first: int, index: int) -> _Samples:
+    del index
+    good = ~trial.after_reset
+    t = trial.t_s[good]
+    step = np.minimum(np.searchsorted(ends_s, t, side="left"), ends_s.size - 1)
+    counts = np.bincount(step, minlength=ends_s.size).astype(np.float64)
+    used = np.flatnonzero(counts)
+
+    def mean(values: Floats) -> Floats:
+        sums = np.bincount(step, weights=values, minlength=ends_s.size)
+        return np.asarray(sums[used] / counts[used])
+
+    time = mean(t)
+    length = STEPS_S[level[used]]
+    measured = trial.pressure_kpa
+    return _Samples(
+        step=used + first,
+        share=np.clip(1.0 - (ends_s[used] - time) / length, 0.0, 1.0),
+        time_s=time,
+        angle_deg=mean(trial.angle_deg[good]),
+        counts=counts[used],
+        measured_kpa=None if measured is None else mean(measured[good]),
+    )
+
+
+def _joined(parts: Sequence[Floats | None]) -> Floats | None:
+    found = [part for part in parts if part is not None]
+    return np.concatenate(found) if len(found) == len(parts) else None
