@@ -1,0 +1,91 @@
+"""Write cases of the blind benchmark: ``python -m spa_fo.virtual_rig.blind_cases --help``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from spa_fo.errors import BadInput
+from spa_fo.virtual_rig.blind_build import KINDS, MODELS, PROTOCOLS, Case, build, model_document
+from spa_fo.virtual_rig.blind_writer import check_seals, label_bytes, seal, write_cases
+from spa_fo.virtual_rig.doses import FORMS
+
+__all__ = [
+    "Case",
+    "build",
+    "check_seals",
+    "label_bytes",
+    "main",
+    "model_document",
+    "seal",
+    "write_cases",
+]
+
+_EXAMPLE = """\
+example:
+  python -m spa_fo.virtual_rig.blind_cases --out /tmp/blind --seed 1 --effect creep --size 4
+
+writes /tmp/blind/case_0001/ (campaign, model.json, exclude.txt), its sealed label to
+/tmp/blind/labels/case_0001.json and the seal to /tmp/blind/seals.txt.
+"""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    parser = _parser()
+    given = parser.parse_args(arguments)
+    try:
+        case = _case(given)
+    except ValueError as error:
+        parser.error(str(error))
+    try:
+        write_cases([case], given.out, given.labels or given.out / "labels", given.workers)
+    except BadInput as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(given.out / case.name)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m spa_fo.virtual_rig.blind_cases",
+        description="Record campaigns whose cause of the gap is known, and seal it.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder of the cases")
+    parser.add_argument("--labels", type=Path, help="folder of the labels [OUT/labels]")
+    parser.add_argument("--workers", type=int, default=1, help="processes [1]")
+    one = parser.add_argument_group("a single case")
+    one.add_argument("--seed", type=int, default=1, help="seed of all that is random [1]")
+    one.add_argument("--name", default="case_0001", help="its name [case_0001]")
+    one.add_argument("--kind", choices=KINDS, help="[closed, or no_effect without --effect]")
+    one.add_argument("--effect", action="append", default=[], help="an effect; twice for a pair")
+    one.add_argument("--size", type=float, default=4.0, help="multiples of the noise floor [4]")
+    one.add_argument("--form", choices=list(FORMS), default="a", help="functional form [a]")
+    one.add_argument("--protocol", choices=PROTOCOLS, default="rich", help="[rich]")
+    one.add_argument("--model", choices=MODELS, default="nominal", help="[nominal]")
+    return parser
+
+
+def _case(given: argparse.Namespace) -> Case:
+    effects = tuple(given.effect)
+    default = ("no_effect", "closed", "pair")[min(len(effects), 2)]
+    kind = given.kind or default
+    return Case(
+        name=given.name,
+        seed=given.seed,
+        kind=kind,
+        effects=effects,
+        form=given.form,
+        sizes=(given.size,) * len(effects),
+        protocol=given.protocol,
+        model=given.model,
+        exclude=effects if kind == "withheld" else (),
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
