@@ -16,16 +16,32 @@ moment may stand in it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from spa_fo._jit import njit
-from spa_fo.virtual_rig.arrays import Array
+from spa_fo.virtual_rig.arrays import Array, Effect, chain
+from spa_fo.virtual_rig.second_forms import PowerCreep, Warming
+from spa_fo.virtual_rig.second_moments import (
+    CycleSoftening,
+    FoamPad,
+    FungStiffening,
+    OwnWeight,
+    SecondMoment,
+    SecondState,
+    StopHysteresis,
+    remember,
+    restoring_besides,
+    second_moment,
+    second_state,
+)
 
 # Rates of the Maxwell branches, 1/s. Three a decade resolve s^β to 3e-6 on the imaginary axis.
 _RATES = np.logspace(-4, 4, 25)
 _SPACING = np.log(_RATES[1] / _RATES[0])
+
+_Form = TypeVar("_Form")
 
 
 @dataclass(frozen=True)
@@ -134,6 +150,11 @@ class Creep:
     fraction: float
     times_s: tuple[float, ...] = (3.0, 15.0, 75.0)
 
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Share of each element."""
+        return (self.fraction,) * len(self.times_s)
+
 
 @dataclass(frozen=True)
 class Hysteresis:
@@ -157,21 +178,31 @@ class ThermalDrift:
 
     per_hour: float
 
+    def gain(self, time_s: Array) -> Array:
+        """Gain at campaign times."""
+        return np.asarray((1.0 + self.per_hour) ** (time_s / 3600.0))
+
 
 @dataclass(frozen=True)
 class SoftActuator:
-    """The specimen: its core and its imperfections; None is an effect that is absent."""
+    """The specimen: its core and its imperfections; None is an effect that is absent.
+
+    What no library of effects knows: `inside` changes the pressure behind the pressure sensor, and
+    `drag` (s²/rad) is a damping moment of a0 `drag` (dθ/dt)|dθ/dt|.
+    """
 
     core: FractionalCore
     reference_kpa: float
     parameter_shift: ParameterShift | None = None
-    stiffening: Stiffening | None = None
-    gravity_load: GravityLoad | None = None
-    contact_stop: ContactStop | None = None
-    mullins_softening: MullinsSoftening | None = None
-    creep: Creep | None = None
-    hysteresis: Hysteresis | None = None
-    thermal_drift: ThermalDrift | None = None
+    stiffening: Stiffening | FungStiffening | None = None
+    gravity_load: GravityLoad | OwnWeight | None = None
+    contact_stop: ContactStop | FoamPad | None = None
+    mullins_softening: MullinsSoftening | CycleSoftening | None = None
+    creep: Creep | PowerCreep | None = None
+    hysteresis: Hysteresis | StopHysteresis | None = None
+    thermal_drift: ThermalDrift | Warming | None = None
+    inside: tuple[Effect, ...] = ()
+    drag: float = 0.0
 
     def begin(self, step_s: float, now_s: float = 0.0) -> RunningActuator:
         """Start a virgin specimen at rest at campaign time `now_s`."""
@@ -203,6 +234,7 @@ class _Moment(NamedTuple):
     softening: float
     break_rate: float
     heal_rate: float
+    drag: float
 
 
 class _State(NamedTuple):
@@ -236,14 +268,25 @@ class RunningActuator:
         self._gain = 1.0
         self._branches = _branches(self._core, 1.0, step_s)
         self._moment = _moment(actuator, self._core)
-        mullins = actuator.mullins_softening or MullinsSoftening(0.0)
+        self._second = second_moment(
+            [
+                actuator.stiffening,
+                actuator.gravity_load,
+                actuator.contact_stop,
+                actuator.mullins_softening,
+                actuator.hysteresis,
+            ]
+        )
+        self._inside = chain([effect.begin(step_s) for effect in actuator.inside])
+        mullins = _first_form(actuator.mullins_softening, MullinsSoftening(0.0))
         creep = actuator.creep or Creep(0.0)
         self._thresholds = np.deg2rad(mullins.span_deg) * np.arange(12) / 12.0
         self._creep_keep = np.exp(-step_s / np.array(creep.times_s))
-        self._creep_fraction = creep.fraction / self._core.a0
+        self._creep_fraction = np.array(creep.shares) / self._core.a0
         self._state = _State(
             np.zeros(3), np.zeros(_RATES.size), np.ones(12), np.zeros(len(creep.times_s))
         )
+        self._second_state = second_state()
 
     def retune(self, gain: float, pace: float) -> None:
         """Give the next trial its own gain and pace (factors; 1 is the specimen's own)."""
@@ -253,10 +296,10 @@ class RunningActuator:
     def __call__(self, pressure_kpa: Array) -> Array:
         """Angles in deg at the end of each step with this true pressure during it."""
         drift = self._actuator.thermal_drift or ThermalDrift(0.0)
-        time = self._now_s + self._step_s * np.arange(1, pressure_kpa.size + 1)
+        time = np.asarray(self._now_s + self._step_s * np.arange(1.0, pressure_kpa.size + 1))
         self._now_s += self._step_s * pressure_kpa.size
-        gain = self._gain * (1.0 + drift.per_hour) ** (time / 3600.0)
-        load = self._core.b0 * gain * pressure_kpa / self._actuator.reference_kpa
+        gain = self._gain * drift.gain(time)
+        load = self._core.b0 * gain * self._inside(pressure_kpa) / self._actuator.reference_kpa
         angle = _advance(
             load,
             self._step_s,
@@ -266,6 +309,8 @@ class RunningActuator:
             self._creep_keep,
             self._creep_fraction,
             self._state,
+            self._second,
+            self._second_state,
         )
         return np.rad2deg(angle)
 
@@ -286,12 +331,17 @@ def _branches(core: FractionalCore, pace: float, step_s: float) -> _Branches:
     return _Branches(weight, keep, mean_keep - keep, 1.0 - mean_keep, dashpot, inertia)
 
 
+def _first_form(effect: object, absent: _Form) -> _Form:
+    """Give the effect where it has the first form, which is that of `absent`."""
+    return effect if isinstance(effect, type(absent)) else absent
+
+
 def _moment(actuator: SoftActuator, core: FractionalCore) -> _Moment:
-    stiffening = actuator.stiffening or Stiffening(np.inf)
-    gravity = actuator.gravity_load or GravityLoad(0.0)
-    stop = actuator.contact_stop or ContactStop(0.0, 0.0)
-    mullins = actuator.mullins_softening or MullinsSoftening(0.0)
-    hysteresis = actuator.hysteresis or Hysteresis(0.0)
+    stiffening = _first_form(actuator.stiffening, Stiffening(np.inf))
+    gravity = _first_form(actuator.gravity_load, GravityLoad(0.0))
+    stop = _first_form(actuator.contact_stop, ContactStop(0.0, 0.0))
+    mullins = _first_form(actuator.mullins_softening, MullinsSoftening(0.0))
+    hysteresis = _first_form(actuator.hysteresis, Hysteresis(0.0))
     return _Moment(
         a0=core.a0,
         inverse_lock=1.0 / float(np.deg2rad(stiffening.lock_deg)),
@@ -304,6 +354,7 @@ def _moment(actuator: SoftActuator, core: FractionalCore) -> _Moment:
         softening=mullins.fraction,
         break_rate=1.0 / mullins.break_s,
         heal_rate=1.0 / mullins.heal_s,
+        drag=actuator.drag,
     )
 
 
@@ -344,8 +395,10 @@ def _advance(
     moment: _Moment,
     thresholds: Array,
     creep_keep: Array,
-    creep_fraction: float,
+    creep_fraction: Array,
     state: _State,
+    second: SecondMoment,
+    second_state: SecondState,
 ) -> Array:
     out = np.empty_like(load)
     angle, rate, friction = state.motion[0], state.motion[1], state.motion[2]
@@ -368,14 +421,20 @@ def _advance(
         for _ in range(20):
             moved = 0.5 * step * (rate + new_rate)
             restoring, slope = _restoring(angle + moved, moved, friction, bundle, moment)
-            excess = resistance * new_rate - pull + moment.a0 * restoring - load[i]
-            change = excess / (resistance + moment.a0 * slope * 0.5 * step)
+            if second.active:
+                more, steeper = restoring_besides(angle + moved, moved, second, second_state)
+                restoring, slope = restoring + more, slope + steeper
+            drag = moment.a0 * moment.drag * abs(new_rate)
+            excess = (resistance + drag) * new_rate - pull + moment.a0 * restoring - load[i]
+            change = excess / (resistance + 2.0 * drag + moment.a0 * slope * 0.5 * step)
             new_rate -= change
             if abs(change) < 1e-13:
                 break
         moved = 0.5 * step * (rate + new_rate)
         friction = _rubbed(friction, moved * moment.inverse_yield)
         angle += moved
+        if second.active:
+            remember(angle, moved, step, second, second_state)
         for k in range(y.size):
             y[k] += branches.from_new[k] * new_rate
         rate = new_rate
@@ -386,7 +445,7 @@ def _advance(
                 links[k] += step * moment.heal_rate * (1.0 - links[k])
         total = angle
         for k in range(creep.size):
-            creep[k] += (1.0 - creep_keep[k]) * (creep_fraction * load[i] - creep[k])
+            creep[k] += (1.0 - creep_keep[k]) * (creep_fraction[k] * load[i] - creep[k])
             total += creep[k]
         out[i] = total
     state.motion[0], state.motion[1], state.motion[2] = angle, rate, friction

@@ -25,6 +25,7 @@ from spa_fo.virtual_rig.actuators import (
     Experiment,
     pressure_for,
 )
+from spa_fo.virtual_rig.alien_effects import ALIENS
 from spa_fo.virtual_rig.bench import Scatter, Specimen
 from spa_fo.virtual_rig.campaign_writer import campaign_files
 from spa_fo.virtual_rig.doses import FORMS, Dose, draw_dose
@@ -85,8 +86,8 @@ class Case:
         if len(self.effects) != count or len(self.sizes) != count:
             raise ValueError(f"a case of kind {self.kind} has {count} effects, each with a size")
         for effect in self.effects:
-            if effect not in FORMS[self.form]:
-                raise ValueError(f"no effect of form {self.form} is called '{effect}'")
+            if effect not in (ALIENS if self.kind == "alien" else FORMS[self.form]):
+                raise ValueError(f"no effect of a case of kind {self.kind} is called '{effect}'")
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +41,11 @@ class Converter:
     def maximum(self) -> int:
         """Largest count."""
         return int(2**self.bits - 1)
+
+    @property
+    def volts_per_count(self) -> float:
+        """Voltage of one count."""
+        return self.reference_volt / self.maximum
 
     def counts(self, volts: Array, rng: np.random.Generator) -> Counts:
         """Sample the voltages."""
@@ -91,11 +98,29 @@ class MainsPickup:
         return np.asarray(self.amplitude_counts * wave)
 
 
+class Pickup(Protocol):
+    """Interference by campaign time."""
+
+    def counts(self, time_s: Array) -> Array:
+        """Interference at campaign times, counts."""
+
+
+class Coupling(Protocol):
+    """What the drive does to the flex channel's wire."""
+
+    def begin(self, step_s: float) -> Callable[[Array, Array], Array]:
+        """Start at rest: commanded and true pressure in, counts out, every `step_s`."""
+
+
 @dataclass(frozen=True)
 class Acquisition:
-    """The board's analog side; None is an effect that is absent."""
+    """The board's analog side; None is an effect that is absent.
+
+    `couplings` add to the flex channel: what no library of effects knows.
+    """
 
     pressure_sensor: PressureSensor = PressureSensor()
     converter: Converter = Converter()
     channel_latency: Effect | None = None
-    mains_pickup: MainsPickup | None = None
+    mains_pickup: Pickup | None = None
+    couplings: tuple[Coupling, ...] = ()

@@ -8,12 +8,25 @@ effects' identifiers.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from spa_fo._jit import njit
-from spa_fo.virtual_rig.arrays import Array, Process, chain
+from spa_fo.virtual_rig.arrays import Array, Effect, Process, chain
+from spa_fo.virtual_rig.second_forms import SingleJump
 from spa_fo.virtual_rig.syringe_pump import LowPass
+
+
+class Bend(Protocol):
+    """A static effect: what the film feels at a true angle."""
+
+    @property
+    def in_fixture(self) -> bool:
+        """Whether calibrations show it once the sensor has been in the actuator."""
+
+    def felt(self, angle_deg: Array) -> Array:
+        """Angle the sensor feels."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +105,7 @@ class SensorNonlinearity:
 
     excess_deg: float
     period_deg: float = 70.0
+    in_fixture: bool = False
 
     def felt(self, angle_deg: Array) -> Array:
         """Angle the sensor feels."""
@@ -108,6 +122,7 @@ class SensorSaturation:
 
     ceiling_deg: float
     knee_deg: float = 3.0
+    in_fixture: bool = False
 
     def felt(self, angle_deg: Array) -> Array:
         """Angle the sensor feels."""
@@ -130,18 +145,26 @@ class SensorSlip:
     walk_deg: float
     jump_deg: float = 0.0
 
+    def shift_deg(self, _: int, normal: float) -> float:
+        """Shift of the zero before a trial, deg; `normal` ~ N(0, 1) is that trial's own."""
+        return self.walk_deg + self.jump_deg * normal
+
 
 @dataclass(frozen=True)
 class FlexSensor:
-    """The sensor: its curve and its imperfections; None is an effect that is absent."""
+    """The sensor: its curve and its imperfections; None is an effect that is absent.
+
+    `pocket` changes what arrives at the film while it sits in the actuator.
+    """
 
     curve: DividerCurve = DividerCurve()
-    sensor_slip: SensorSlip | None = None
-    sensor_nonlinearity: SensorNonlinearity | None = None
-    sensor_saturation: SensorSaturation | None = None
-    sensor_hysteresis: SensorHysteresis | None = None
-    sensor_creep: SensorCreep | None = None
-    sensor_lag: SensorLag | None = None
+    sensor_slip: SensorSlip | SingleJump | None = None
+    sensor_nonlinearity: Bend | None = None
+    sensor_saturation: Bend | None = None
+    sensor_hysteresis: Effect | None = None
+    sensor_creep: Effect | None = None
+    sensor_lag: Effect | None = None
+    pocket: tuple[Effect, ...] = ()
 
     def begin(self, step_s: float) -> RunningSensor:
         """Start the sensor flat and relaxed."""
@@ -155,27 +178,35 @@ class RunningSensor:
         effects = (sensor.sensor_hysteresis, sensor.sensor_creep, sensor.sensor_lag)
         self._sensor = sensor
         self._film = chain([effect.begin(step_s) for effect in effects if effect is not None])
+        self._pocket = chain([effect.begin(step_s) for effect in sensor.pocket])
+        bends = (sensor.sensor_nonlinearity, sensor.sensor_saturation)
+        self._bends = [bend for bend in bends if bend is not None]
         self._zero_deg = 0.0
         self._seat_deg = 0.0
+        self._trials = 0
 
     def seat(self, offset_deg: float, shift: float) -> None:
         """Begin a trial: the actuator rests `offset_deg` off; `shift` ~ N(0, 1) moves the zero."""
+        self._trials += 1
         slip = self._sensor.sensor_slip
         if slip is not None:
-            self._zero_deg += slip.walk_deg + slip.jump_deg * shift
+            self._zero_deg += slip.shift_deg(self._trials, shift)
         self._seat_deg = offset_deg
 
     def __call__(self, angle_deg: Array) -> Array:
         """Divider voltage while the sensor sits in the actuator."""
-        felt = angle_deg
-        for effect in (self._sensor.sensor_nonlinearity, self._sensor.sensor_saturation):
-            if effect is not None:
-                felt = effect.felt(felt)
+        felt = self._pocket(angle_deg)
+        for bend in self._bends:
+            felt = bend.felt(felt)
         return self._volts(felt + self._seat_deg)
 
     def in_fixture(self, angle_deg: Array) -> Array:
         """Divider voltage in the calibration fixture: no seat and no pocket."""
-        return self._volts(angle_deg)
+        felt = angle_deg
+        for bend in self._bends:
+            if bend.in_fixture and self._trials:
+                felt = bend.felt(felt)
+        return self._volts(felt)
 
     def _volts(self, angle_deg: Array) -> Array:
         return self._sensor.curve.volts(self._film(angle_deg + self._zero_deg))

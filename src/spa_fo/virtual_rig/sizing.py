@@ -101,8 +101,7 @@ def _floor(plan: CampaignPlan, seed: int, plain: Reading) -> float:
     core = plan.specimen.actuator.core
     faster = _with_core(plan, at_pace(core, 1.0 + _PACE))
     by_pace = (exact_reading(faster, seed).angle_deg - plain.angle_deg) / _PACE
-    volts_per_count = converter.reference_volt / converter.maximum
-    noise = np.hypot(converter.noise_counts, np.sqrt(1.0 / 12.0)) * volts_per_count
+    noise = np.hypot(converter.noise_counts, np.sqrt(1.0 / 12.0)) * converter.volts_per_count
     parts = (
         scatter.gain * plain.angle_deg,
         np.full_like(plain.angle_deg, scatter.offset_deg),

@@ -125,7 +125,10 @@ class LowPass:
 
 @dataclass(frozen=True)
 class SyringePump:
-    """The drive, in the order the command passes through it; None is an effect that is absent."""
+    """The drive, in the order the command passes through it; None is an effect that is absent.
+
+    `further` comes last: what no library of effects knows.
+    """
 
     dead_time: Effect | None = None
     drive_backlash: Effect | None = None
@@ -133,6 +136,7 @@ class SyringePump:
     supply_droop: Effect | None = None
     line_lag: Effect | None = None
     leak: Effect | None = None
+    further: tuple[Effect, ...] = ()
 
     def begin(self, step_s: float) -> Process:
         """Start the drive at 0 kPa: commanded kPa in, true gauge kPa out, both every `step_s`."""
@@ -143,6 +147,7 @@ class SyringePump:
             self.supply_droop,
             self.line_lag,
             self.leak,
+            *self.further,
         )
         return chain([effect.begin(step_s) for effect in effects if effect is not None])
 
