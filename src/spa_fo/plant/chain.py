@@ -197,8 +197,8 @@ class Chain:
 
 def slipped(orders: Integers, effects: Floats) -> Floats:
     """Zero of a slipping sensor in the trials of these orders, deg."""
-    walk, jump, at = effects[_SLIP : _SLIP + 3]
-    return np.asarray(walk * (orders - 1) + jump * (orders >= at))
+    walk, zero = effects[_SLIP : _SLIP + 2]
+    return np.asarray(zero + walk * (orders - 1.0))
 
 
 def chain_for(

@@ -202,8 +202,7 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
         "sensor",
         (
             _size("walk_deg", "deg per trial", 0.3, 5.0, 0.05, low=-5.0),
-            _size("jump_deg", "deg", 2.0, 25.0, 0.0, low=-25.0),
-            _size("jump_order", "1", 1e6, 1e9, 0.0),
+            _size("zero_deg", "deg", 1.0, 25.0, 0.0, low=-25.0),
         ),
     ),
     ("channel_latency", "acquisition", (_size("delay_s", "s", 0.1, 1.5, 0.05),)),

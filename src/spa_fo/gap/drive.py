@@ -1,0 +1,215 @@
+"""The drive by itself: measured pressure against the command.
+
+Where the pressure was measured the chain splits: what the drive does to the command is seen in the
+pressure alone, whatever the actuator makes of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.evidence import Evidence, modelled_pressure
+from spa_fo.gap.explain import TIMING_S, Slot
+from spa_fo.gap.mixed import Block, Prior, Solution, normal_equations, solve
+from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.memory import FINEST_STEP_S
+
+Floats = NDArray[np.float64]
+
+_OFFSET_KPA, _GAIN = 0.4, 0.004  # of the pressure sensor
+
+_SCALES = np.array([0.08])  # of the discrepancy, kPa
+_BLUR = 0.3  # of the change of pressure within four cells: when exactly it changed is not known
+_MOST_STEPS = 15
+_CONVERGED = 0.05
+
+
+@dataclass(frozen=True)
+class DriveFit:
+    """Some drive effects fitted to the measured pressure.
+
+    Attributes
+    ----------
+    ids : tuple of str
+        The effects.
+    effects : array
+        Parameters of all effects, NaN where absent.
+    predicted_kpa : (n,) array
+        At the grid's averaged samples.
+    residual_kpa : (n,) array
+        Measured less predicted, sensor offset and gain taken out.
+    discrepancy_kpa : float
+        Standard deviation of what the effects do not explain.
+    solution : Solution
+        Of the last linearisation; the searched parameters come first.
+    searched : array
+        Parameters as searched.
+    log_evidence : float
+        Of all rows.
+    """
+
+    ids: tuple[str, ...]
+    effects: Floats
+    predicted_kpa: Floats
+    residual_kpa: Floats
+    discrepancy_kpa: float
+    solution: Solution
+    searched: Floats
+    log_evidence: float
+
+
+def fit_drives(evidence: Evidence, excluded: Sequence[str] = ()) -> dict[tuple[str, ...], DriveFit]:
+    """Fit no effect, every single drive effect, and pairs of those that help, to the pressure."""
+    names = [
+        name
+        for name, effect in LIBRARY.items()
+        if effect.stage == "drive" and name not in excluded
+    ]
+    fits = {(): _Problem(evidence, ()).best()}
+    for name in names:
+        fits[(name,)] = _Problem(evidence, (name,)).best()
+    ranked = sorted(names, key=lambda name: -fits[(name,)].log_evidence)[:4]
+    for one, other in combinations(ranked, 2):
+        pair = tuple(sorted((one, other), key=names.index))
+        start = np.concatenate([fits[(name,)].searched for name in pair])
+        fits[pair] = _Problem(evidence, pair).fit(start)
+    return fits
+
+
+class _Problem:
+    def __init__(self, evidence: Evidence, ids: Sequence[str]) -> None:
+        self.evidence = evidence
+        self.ids = tuple(ids)
+        grid = evidence.grid
+        assert grid.measured_kpa is not None
+        self.slots = [
+            Slot(parameter, LIBRARY[name].first + k)
+            for name in ids
+            for k, parameter in enumerate(LIBRARY[name].parameters)
+        ]
+        p = len(self.slots)
+        self.centre = np.array([slot.centre for slot in self.slots])
+        self.spread = np.array([slot.parameter.spread for slot in self.slots])
+        self.low = np.array([slot.limits[0] for slot in self.slots])
+        self.high = np.array([slot.limits[1] for slot in self.slots])
+        self.size = p + 3 + evidence.supports
+        self.group = np.full(self.size, -1)
+        self.group[p + 3 :] = 0
+        sensor = np.array([_OFFSET_KPA, _GAIN, TIMING_S])
+        self.variance = np.concatenate([self.spread**2, sensor**2, np.ones(evidence.supports)])
+        # Where each averaged sample lies among the cells' middles.
+        first = grid.cell_starts[grid.sample_trial]
+        cells = grid.cell_starts[grid.sample_trial + 1] - first
+        self.at = first + np.clip(grid.time_s / FINEST_STEP_S - 0.5, 0.0, cells - 1.0)
+        assert grid.pressure_kpa is not None and grid.command_kpa is not None
+        blur = _BLUR * (self._change(grid.pressure_kpa) + self._change(grid.command_kpa))
+        self.noise = evidence.pressure_noise_kpa**2 / grid.counts + blur**2 + 0.02**2
+
+    def _change(self, cells: Floats) -> Floats:
+        """Change of a pressure about each averaged sample, from two cells before to two after."""
+        size = cells.size
+        at = np.rint(self.at).astype(int)
+        return np.abs(cells[np.minimum(at + 2, size - 1)] - cells[np.maximum(at - 2, 0)])
+
+    def effects(self, z: Floats) -> Floats:
+        e = absent()
+        for slot, value in zip(self.slots, z, strict=True):
+            e[slot.place] = slot.value(float(value))
+        return e
+
+    def predict(self, z: Floats) -> Floats:
+        cells = modelled_pressure(self.evidence, self.effects(z))
+        return np.interp(self.at, np.arange(cells.size), cells)
+
+    def blocks(self, z: Floats) -> tuple[list[Block], Floats]:
+        evidence, p = self.evidence, len(self.slots)
+        measured = evidence.grid.measured_kpa
+        assert measured is not None
+        y = self.predict(z)
+        slopes = np.empty((y.size, p))
+        for k in range(p):
+            step = 0.01 * min(self.spread[k], 0.3 * max(abs(z[k]), 0.3))
+            step = -step if z[k] + step > self.high[k] else step
+            moved = z.copy()
+            moved[k] += step
+            slopes[:, k] = (self.predict(moved) - y) / step
+        sensor = np.column_stack([np.ones(y.size), y, self._late(y)])
+        blocks = []
+        for i, rows in enumerate(evidence.rows):
+            columns = np.hstack([slopes[rows], sensor[rows], evidence.support[i]])
+            index = np.concatenate([np.arange(p + 3), p + 3 + evidence.support_index[i]])
+            blocks.append(Block(measured[rows] - y[rows], 1.0 / self.noise[rows], columns, index))
+        return blocks, y
+
+    def _late(self, y: Floats) -> Floats:
+        """What a log that is late by a second would add, to first order; jumps left out."""
+        slope = np.zeros(y.size)
+        for rows in self.evidence.rows:
+            slope[rows] = -np.gradient(y[rows], self.evidence.grid.time_s[rows])
+        return np.clip(slope, -20.0, 20.0)
+
+    def best(self) -> DriveFit:
+        """Fit from every start of the effects' parameters."""
+        points = [np.zeros(0)]
+        for slot in self.slots:
+            starts = slot.parameter.starts
+            points = [np.append(point, slot.searched(v)) for point in points for v in starts]
+        return max((self.fit(point) for point in points), key=lambda fit: fit.log_evidence)
+
+    def fit(self, start: Floats) -> DriveFit:
+        p = len(self.slots)
+        z = np.clip(start, self.low, self.high)
+        variances = _SCALES**2
+        best: tuple[float, Floats, Floats, Solution, list[Block]] | None = None
+        step = np.zeros(p)
+        for _ in range(_MOST_STEPS):
+            blocks, y = self.blocks(z)
+            mean = np.zeros(self.size)
+            mean[:p] = self.centre - z
+            prior = Prior(mean, self.variance, self.group, _SCALES)
+            normal = normal_equations(blocks, self.size)
+            solution = solve(normal, prior, variances, rounds=4)
+            # The evidence with the parameters' steps held at zero says how good this point is.
+            tight = self.variance.copy()
+            tight[:p] = 1e-16
+            pinned = np.where(np.arange(self.size) < p, 0.0, mean)
+            held = solve(normal, Prior(pinned, tight, self.group, _SCALES), variances, rounds=4)
+            here = held.log_evidence - 0.5 * float(np.sum((mean[:p] / self.spread) ** 2))
+            if best is not None and here < best[0] - 1e-9:
+                step = 0.4 * step
+                if p == 0 or np.max(np.abs(step) / self.spread) < 1e-3:
+                    break
+                z = np.clip(best[1] + step, self.low, self.high)
+                continue
+            gained = np.inf if best is None else here - best[0]
+            best = (here, z, y, solution, blocks)
+            if p == 0:
+                break
+            step = solution.coefficients[:p]
+            longest = float(np.max(np.abs(step) / self.spread))
+            step = step * min(1.0, 2.0 / longest) if longest > 0 else step
+            new = np.clip(z + step, self.low, self.high)
+            step = new - z
+            if gained < _CONVERGED and np.max(np.abs(step) / self.spread) < 0.05:
+                break
+            z = new
+        assert best is not None
+        _, z, y, solution, blocks = best
+        b = solution.coefficients
+        grid = self.evidence.grid
+        assert grid.measured_kpa is not None
+        return DriveFit(
+            ids=self.ids,
+            effects=self.effects(z),
+            predicted_kpa=y,
+            residual_kpa=grid.measured_kpa - y - b[p] - b[p + 1] * y,
+            discrepancy_kpa=float(np.sqrt(solution.variances[0])),
+            solution=solution,
+            searched=z,
+            log_evidence=solution.log_evidence,
+        )

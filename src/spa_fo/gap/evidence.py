@@ -1,0 +1,345 @@
+"""What a campaign offers as evidence: angles, measured pressure, calibrations; in blocks of rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.plant.chain import Chain, chain_for
+from spa_fo.plant.effects.drive import drive_pressure
+from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, LIBRARY
+from spa_fo.plant.effects.sensor import read_angle
+from spa_fo.plant.grid import CampaignGrid, campaign_grid
+from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S
+from spa_fo.rig import Calibration, CampaignData, Dwell
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_BINNING_DEG = 0.03  # error of averaging a curve over a step
+_TIMING_S = 0.003  # error of one sample's time
+_DISCREPANCY_SPACING = 9  # averaged samples from one support of the discrepancy to the next
+_LONGEST_SPACING_S = 3.0
+_CURVE_FLOOR_DEG = 0.08
+_WINDOWS = 4  # of a calibration dwell
+_FIXTURE_LEVEL = 1  # steps of the fixture's simulation: 0.04 s
+_FIXTURE_FLOOR_DEG = 0.06
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """The sensor in the calibration fixture: readings that only its own effects explain.
+
+    Attributes
+    ----------
+    deviation_deg, sigma_deg : (rows,) arrays
+        What the first curve reads in each window of a dwell, less the settled mean at that angle.
+    angle_deg : (steps,) array
+        Angle of the fixture on the simulation's steps.
+    step_of : (rows, 2) array
+        First and last step of each window.
+    average : (rows, rows) array
+        Takes the settled mean at each angle away.
+    """
+
+    deviation_deg: Floats
+    sigma_deg: Floats
+    angle_deg: Floats
+    step_of: Integers
+    average: Floats
+
+    def predicted(self, effects: Floats) -> Floats:
+        """What the sensor's effects make of the fixture, deg."""
+        level = np.full(self.angle_deg.size, _FIXTURE_LEVEL, dtype=np.int64)
+        film = np.zeros(4 + 8)
+        own = effects.copy()
+        for name in ("sensor_nonlinearity", "sensor_saturation"):
+            own[LIBRARY[name].slots] = np.nan  # of the seat: the fixture does not show them
+        read = read_angle(self.angle_deg, level, own, film)
+        latency = effects[LIBRARY["channel_latency"].first]
+        late = 0 if np.isnan(latency) else latency / STEPS_S[_FIXTURE_LEVEL]
+        total = np.concatenate([[0.0], np.cumsum(read)])
+        at = np.arange(total.size)
+        first, last = self.step_of[:, 0] - late, self.step_of[:, 1] - late
+        mean = (np.interp(last, at, total) - np.interp(first, at, total)) / (last - first)
+        known = self.angle_deg[self.step_of[:, 0]]
+        return np.asarray(self.average @ (mean - known))
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A campaign made ready for diagnosis.
+
+    Attributes
+    ----------
+    data : CampaignData
+        The campaign.
+    grid : CampaignGrid
+        Its trials on the simulator's grid.
+    experiment : (trials,) array
+        Index of each trial's experiment.
+    noise_deg : float
+        White noise of one sample's angle.
+    variance : (n,) array
+        Of each averaged sample, deg².
+    support : list of (n_i, d) arrays
+        By trial, the discrepancy's hats; trials of one experiment share their coefficients.
+    support_index : list of arrays
+        By trial, the numbers of these coefficients.
+    supports : int
+        How many there are.
+    curve_sigma_deg : (knots,) array
+        Error of the calibrated curve at `CURVE_KNOTS_DEG`.
+    fixture : Fixture or None
+        Dwells of all calibrations.
+    drift_deg, drift_sigma_deg : (m,) arrays
+        What later calibrations read through the first curve, less what it read.
+    drift_angle_deg : (m,) array
+        At which angles.
+    pressure_noise_kpa : float
+        White noise of one pressure sample; NaN without.
+    """
+
+    data: CampaignData
+    grid: CampaignGrid
+    experiment: Integers
+    noise_deg: float
+    variance: Floats
+    support: list[Floats]
+    support_index: list[Integers]
+    supports: int
+    curve_sigma_deg: Floats
+    fixture: Fixture | None
+    drift_deg: Floats
+    drift_sigma_deg: Floats
+    drift_angle_deg: Floats
+    pressure_noise_kpa: float
+    rows: list[Integers] = field(default_factory=list)
+
+    @property
+    def has_pressure(self) -> bool:
+        """Whether the pressure was measured in every trial."""
+        return self.grid.measured_kpa is not None and self.grid.command_kpa is not None
+
+
+def collect(data: CampaignData) -> Evidence:
+    """Gather the evidence of a campaign."""
+    grid = campaign_grid(data.trials, data.campaign.folder)
+    names = list(dict.fromkeys(trial.experiment for trial in grid.trials))
+    experiment = np.array([names.index(trial.experiment) for trial in grid.trials])
+    noise = _white([trial.angle_deg for trial in grid.trials])
+    pressure_noise = float("nan")
+    if grid.measured_kpa is not None:
+        pressure_noise = _white(
+            [trial.pressure_kpa for trial in grid.trials if trial.pressure_kpa is not None]
+        )
+    rows = [np.flatnonzero(grid.sample_trial == i) for i in range(len(grid.trials))]
+    support, support_index, supports = _supports(grid, experiment, rows)
+    drift, sigma, angles = _drifts(data)
+    return Evidence(
+        data=data,
+        grid=grid,
+        experiment=experiment,
+        noise_deg=noise,
+        variance=noise**2 / grid.counts + _BINNING_DEG**2 + (_TIMING_S * _rates(grid, rows)) ** 2,
+        support=support,
+        support_index=support_index,
+        supports=supports,
+        curve_sigma_deg=_curve_sigma(data.calibration),
+        fixture=_fixture(data.calibrations),
+        drift_deg=drift,
+        drift_sigma_deg=sigma,
+        drift_angle_deg=angles,
+        pressure_noise_kpa=pressure_noise,
+        rows=rows,
+    )
+
+
+def _white(signals: Sequence[Floats]) -> float:
+    """White noise by second differences, which a smooth signal hardly enters."""
+    squares = [np.diff(signal, 2) ** 2 / 6.0 for signal in signals if signal.size > 3]
+    every = np.concatenate(squares)
+    # Jumps of the signal are outliers: a trimmed mean, scaled for normal noise.
+    kept = every[every <= np.quantile(every, 0.95)]
+    return max(float(np.sqrt(kept.mean() / 0.7588)), 1e-3)
+
+
+def _rates(grid: CampaignGrid, rows: list[Integers]) -> Floats:
+    """How fast the angle changes at each averaged sample, deg/s, over a quarter second."""
+    rates = np.zeros(grid.angle_deg.size)
+    for own in rows:
+        time, angle = grid.time_s[own], grid.angle_deg[own]
+        area = np.concatenate([[0.0], np.cumsum(0.5 * (angle[1:] + angle[:-1]) * np.diff(time))])
+        ahead = np.interp(time + 0.12, time, area) - np.interp(time, time, area)
+        behind = np.interp(time, time, area) - np.interp(time - 0.12, time, area)
+        rates[own] = np.abs(ahead - behind) / 0.12**2
+    return rates
+
+
+def _supports(
+    grid: CampaignGrid, experiment: Integers, rows: list[Integers]
+) -> tuple[list[Floats], list[Integers], int]:
+    """Lay hats over the averaged samples of each trial, shared within an experiment.
+
+    Trials of one experiment whose commands do not run alike have hats of their own.
+    """
+    hats: list[Floats] = []
+    index: list[Integers] = []
+    first_of: dict[int, tuple[int, Floats, Floats]] = {}
+    total = 0
+    for i, own in enumerate(rows):
+        time = grid.time_s[own]
+        group = int(experiment[i])
+        shared = first_of.get(group)
+        if shared is None or not _alike(shared[2], _drive(grid, i)):
+            knots = _knots(time)
+            shared = (total, knots, _drive(grid, i))
+            first_of.setdefault(group, shared)
+            total += knots.size
+        first, knots, _ = shared
+        hats.append(np.array([np.interp(time, knots, row) for row in np.eye(knots.size)]).T)
+        index.append(first + np.arange(knots.size))
+    return hats, index, total
+
+
+def _drive(grid: CampaignGrid, trial: int) -> Floats:
+    cells = grid.command_kpa if grid.command_kpa is not None else grid.pressure_kpa
+    assert cells is not None
+    return cells[grid.cell_starts[trial] : grid.cell_starts[trial + 1]]
+
+
+def _alike(one: Floats, other: Floats) -> bool:
+    n = min(one.size, other.size)
+    if n < 0.9 * max(one.size, other.size):
+        return False
+    size = max(float(np.abs(one).max()), 1e-9)
+    return float(np.mean(np.abs(one[:n] - other[:n]))) < 0.03 * size
+
+
+def _knots(time: Floats) -> Floats:
+    knots = [time[0]]
+    since = 0
+    for value in time[1:]:
+        since += 1
+        if since >= _DISCREPANCY_SPACING or value - knots[-1] > _LONGEST_SPACING_S:
+            knots.append(value)
+            since = 0
+    if time[-1] > knots[-1]:
+        knots.append(time[-1])
+    return np.array(knots)
+
+
+def curve_columns(angle_deg: Floats) -> Floats:
+    """Hats of the sensor curve's knots at these angles; shape (n, knots), none at 0 degrees."""
+    knots = np.array(CURVE_KNOTS_DEG)
+    first, last = knots[0], knots[-1]
+    inside = np.clip(angle_deg, first, last)
+    columns = np.array([np.interp(inside, knots, row) for row in np.eye(knots.size)]).T
+    # Beyond the knots the curve goes on straight.
+    for below, edge, other in ((True, 0, 1), (False, -1, -2)):
+        far = angle_deg < first if below else angle_deg > last
+        share = (angle_deg - knots[edge]) / (knots[edge] - knots[other])
+        columns[far, edge] += share[far]
+        columns[far, other] -= share[far]
+    return np.delete(columns, CURVE_KNOTS_DEG.index(0.0), axis=1)
+
+
+def _curve_sigma(calibration: Calibration | None) -> Floats:
+    knots = np.delete(np.array(CURVE_KNOTS_DEG), CURVE_KNOTS_DEG.index(0.0))
+    if calibration is None:
+        return np.full(knots.size, _CURVE_FLOOR_DEG)
+    sigma = np.interp(knots, calibration.angles_deg, calibration.sigma_knots_deg)
+    low, high = calibration.range_deg
+    # The curve is a line beyond its ends, and real sensors are not.
+    sigma = np.where(knots < low, 0.3 * (low - knots), sigma)
+    sigma = np.where(knots > high, np.hypot(sigma, 0.2 * (knots - high)), sigma)
+    return np.asarray(np.hypot(sigma, _CURVE_FLOOR_DEG))
+
+
+def _drifts(data: CampaignData) -> tuple[Floats, Floats, Floats]:
+    if not data.drifts or data.calibration is None:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    drift = np.concatenate([item.drift_deg for item in data.drifts])
+    angle = np.concatenate([item.angles_deg for item in data.drifts])
+    sigma = np.interp(angle, data.calibration.angles_deg, data.calibration.sigma_knots_deg)
+    return drift, np.hypot(sigma, 0.1), angle
+
+
+def _fixture(calibrations: Sequence[Calibration]) -> Fixture | None:
+    """Lay every calibration's dwells on a common time line, the curve being the first one's."""
+    if not calibrations:
+        return None
+    curve = calibrations[0]
+    step = STEPS_S[_FIXTURE_LEVEL]
+    angle: list[Floats] = []
+    windows, deviation, sigma, groups, settled = [], [], [], [], []
+    at = 0
+    for number, calibration in enumerate(calibrations):
+        before = 0.0
+        for k, dwell in enumerate(calibration.dwells):
+            gap = 2.0 if k == 0 else _pause(calibration.dwells[k - 1], dwell)
+            move = max(1, round(gap / step))
+            stay = max(_WINDOWS, round(float(dwell.t_s[-1]) / step))
+            angle.append(np.linspace(before, dwell.angle_deg, move + 1)[1:])
+            angle.append(np.full(stay, dwell.angle_deg))
+            slope = float(curve.angle_deg(dwell.mean + 0.5) - curve.angle_deg(dwell.mean - 0.5))
+            edges = np.linspace(0.0, float(dwell.t_s[-1]) + 1e-9, _WINDOWS + 1)
+            for w in range(_WINDOWS):
+                inside = (dwell.t_s >= edges[w]) & (dwell.t_s < edges[w + 1])
+                count = int(np.count_nonzero(inside))
+                if count < 2:
+                    continue
+                mean = float(dwell.counts[inside].mean())
+                deviation.append(float(curve.angle_deg(mean)) - dwell.angle_deg)
+                noise = max(dwell.noise, 0.3) * slope / np.sqrt(count)
+                sigma.append(float(np.hypot(noise, _FIXTURE_FLOOR_DEG)))
+                first = at + move + round(edges[w] / step)
+                windows.append((first, max(first + 1, at + move + round(edges[w + 1] / step))))
+                groups.append((number, dwell.angle_deg))
+                settled.append(w >= _WINDOWS // 2)
+            at += move + stay
+            before = dwell.angle_deg
+        relax = round(120.0 / step)  # between two calibrations the sensor lies flat
+        angle.append(np.zeros(relax))
+        at += relax
+    average = np.eye(len(groups))
+    for key in set(groups):
+        members = [i for i, group in enumerate(groups) if group == key]
+        still = [i for i in members if settled[i]]
+        for i in members:
+            average[i, still] -= 1.0 / len(still)
+    centred = average @ np.array(deviation)
+    return Fixture(centred, np.array(sigma), np.concatenate(angle), np.array(windows), average)
+
+
+def _pause(earlier: Dwell, later: Dwell) -> float:
+    return float(np.clip(later.started_s - earlier.started_s - earlier.t_s[-1], 0.1, 30.0))
+
+
+def angle_chain(evidence: Evidence, x: Floats, pressure_kpa: Floats | None) -> Chain:
+    """Prepare the simulator for this campaign, driven by the command or by a known pressure."""
+    return chain_for(evidence.grid, x, evidence.data.campaign.reference_kpa, pressure_kpa)
+
+
+def modelled_pressure(evidence: Evidence, effects: Floats) -> Floats:
+    """True pressure on the grid's cells with these drive effects, kPa."""
+    command = evidence.grid.command_kpa
+    assert command is not None
+    return np.asarray(drive_pressure(command, evidence.grid.cell_starts, effects, np.zeros(2)))
+
+
+def smoothed_pressure(evidence: Evidence) -> Floats:
+    """Measured pressure on the grid's cells, averaged over 0.1 s within each trial, kPa."""
+    pressure = evidence.grid.pressure_kpa
+    assert pressure is not None
+    width = round(0.1 / FINEST_STEP_S)
+    kernel = np.ones(width) / width
+    out = pressure.copy()
+    starts = evidence.grid.cell_starts
+    for first, end in zip(starts[:-1], starts[1:], strict=True):
+        piece = np.pad(pressure[first:end], width // 2, mode="edge")
+        out[first:end] = np.convolve(piece, kernel, mode="valid")[: end - first]
+    return out

@@ -1,0 +1,437 @@
+"""Fit one explanation: some effects, in their place in the chain, with the coefficients again.
+
+Gauss-Newton on the posterior, the trials' own gain, rest angle and pace, the error of the
+calibrated curve and a model discrepancy being integrated out (`mixed`). The evidence is Laplace's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.evidence import Evidence, curve_columns
+from spa_fo.gap.mixed import Block, Normal, Prior, Solution, normal_equations, solve
+from spa_fo.plant.chain import Chain
+from spa_fo.plant.effects.library import LIBRARY, Parameter, absent
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+GAIN, OFFSET, PACE, DISCREPANCY, SLIP = range(5)
+SCALES = np.array([0.005, 0.2, 0.007, 0.06, 0.4])
+"""Typical standard deviations: relative, deg, relative, deg, deg per trial."""
+
+KNOWN = np.array([0.003, 0.003, 0.008, 0.005, 0.003])
+FREE = np.array([0.12, 0.12, 0.35, 0.3, 0.25])
+"""Prior spread of (alpha2, alpha1, ln a1, ln a0, ln K) about the given model."""
+
+IN_COVARIANCE = ("sensor_nonlinearity", "sensor_slip", "parameter_shift", "mains_pickup")
+"""Effects that are columns or variances here, not parameters of the simulation."""
+
+TIMING_S = 0.006
+"""How well the channels of one row belong together: a part of a sample period."""
+
+_SLOPE_STEP = 1e-4
+_MOST_STEPS = 10
+_CONVERGED = 0.05  # nats
+_PACE_STEP = 2e-3
+
+
+def to_z(x: Floats) -> Floats:
+    """Take coefficients to the space they are searched in: orders, ln a1, ln a0, ln K."""
+    return np.array([x[0], x[1], np.log(x[2]), np.log(x[3]), np.log(x[4] / x[3])])
+
+
+def to_x(z: Floats) -> Floats:
+    """Take searched coefficients back."""
+    a0 = np.exp(z[3])
+    return np.array([z[0], z[1], np.exp(z[2]), a0, a0 * np.exp(z[4])])
+
+
+def paced(x: Floats, pace: float) -> Floats:
+    """Give the coefficients of an actuator that runs `pace` times as fast."""
+    fast = pace ** x[0]
+    return np.array([x[0], x[1], x[2] * pace ** (x[0] - x[1]), x[3] * fast, x[4] * fast])
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One searched parameter of an effect and its place in the vector of all."""
+
+    parameter: Parameter
+    place: int
+
+    def value(self, z: float) -> float:
+        """Value of the searched number."""
+        return float(np.exp(z)) if self.parameter.log else z
+
+    def searched(self, value: float) -> float:
+        """Searched number of a value."""
+        return float(np.log(value)) if self.parameter.log else value
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Bounds of the searched number."""
+        return self.searched(self.parameter.low), self.searched(self.parameter.high)
+
+    @property
+    def centre(self) -> float:
+        """Prior mean of the searched number."""
+        return self.searched(self.parameter.centre)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """An explanation fitted to the angles.
+
+    Attributes
+    ----------
+    ids : tuple of str
+        Its effects.
+    free : bool
+        Whether the coefficients were free, not those of the given model.
+    x : (5,) array
+        Coefficients.
+    effects : array
+        Parameters of all effects, NaN where absent.
+    searched : array
+        Coefficients and effect parameters as searched.
+    predicted_deg : (n,) array
+        Of the simulation alone.
+    explained_deg : (n,) array
+        With the shared columns: curve and slip.
+    residual_deg : (n,) array
+        After everything but noise and discrepancy: trials' own deviations taken out too.
+    discrepancy_deg : (n,) array
+        What the discrepancy took.
+    solution : Solution
+        Of the last linearisation.
+    curve_deg : array
+        Error of the sensor's curve at its knots.
+    zeros_deg : (trials,) array
+        Zero of the sensor by trial.
+    trial_effects : (trials, 3) array
+        Each trial's own gain, rest angle, pace.
+    log_evidence : float
+        Of all rows.
+    """
+
+    ids: tuple[str, ...]
+    free: bool
+    x: Floats
+    effects: Floats
+    searched: Floats
+    predicted_deg: Floats
+    explained_deg: Floats
+    residual_deg: Floats
+    discrepancy_deg: Floats
+    solution: Solution
+    curve_deg: Floats
+    zeros_deg: Floats
+    trial_effects: Floats
+    log_evidence: float
+
+    @property
+    def discrepancy(self) -> float:
+        """Standard deviation of the discrepancy, deg."""
+        return float(np.sqrt(self.solution.variances[DISCREPANCY]))
+
+
+class AngleProblem:
+    """The angles of a campaign and one explanation of them.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The campaign.
+    chain : Chain
+        Its simulator.
+    given : (5,) array
+        Coefficients of the given model.
+    ids : sequence of str
+        Effects of the explanation.
+    free : bool
+        Whether the coefficients are free.
+    keep : (n,) bool array, optional
+        Averaged samples that take part; all by default.
+    """
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        chain: Chain,
+        given: Floats,
+        ids: Sequence[str],
+        free: bool,
+        keep: NDArray[np.bool_] | None = None,
+    ) -> None:
+        self.evidence = evidence
+        self.chain = chain
+        self.ids = tuple(ids)
+        self.free = free
+        self.slots = [
+            Slot(parameter, LIBRARY[name].first + k)
+            for name in ids
+            if name not in IN_COVARIANCE
+            for k, parameter in enumerate(LIBRARY[name].parameters)
+        ]
+        self.keep = np.ones(evidence.grid.angle_deg.size, bool) if keep is None else keep
+        self.centre = np.concatenate([to_z(given), [slot.centre for slot in self.slots]])
+        spread = [slot.parameter.spread for slot in self.slots]
+        self.spread = np.concatenate([FREE if free else KNOWN, spread])
+        low = [slot.limits[0] for slot in self.slots]
+        high = [slot.limits[1] for slot in self.slots]
+        self.low = np.concatenate([[0.05, 0.02, -8.0, -8.0, -8.0], low])
+        self.high = np.concatenate([[1.995, 1.98, 8.0, 8.0, 8.0], high])
+        self.parameters = self.centre.size
+        self._lay_columns()
+
+    def _lay_columns(self) -> None:
+        evidence, p = self.evidence, self.parameters
+        trials, curve = len(evidence.grid.trials), evidence.curve_sigma_deg.size
+        self.curve = p + np.arange(curve)
+        at = p + curve
+        self.late = at
+        at += 1
+        self.slips = "sensor_slip" in self.ids
+        self.walk = at  # the mean step of the sensor's zero
+        self.steps = at + 1 + np.arange(trials if self.slips else 0)  # its step before each trial
+        at += 1 + self.steps.size
+        self.own = at + np.arange(3 * trials).reshape(trials, 3)
+        at += 3 * trials
+        self.support = at + np.arange(evidence.supports)
+        self.size = at + evidence.supports
+        group = np.full(self.size, -1)
+        variance = np.full(self.size, 1e-12)
+        group[self.own] = [GAIN, OFFSET, PACE]
+        group[self.support] = DISCREPANCY
+        variance[self.curve] = evidence.curve_sigma_deg**2
+        if "sensor_nonlinearity" in self.ids:
+            spread = [q.spread for q in LIBRARY["sensor_nonlinearity"].parameters]
+            variance[self.curve] += np.square(spread)
+        variance[self.late] = TIMING_S**2
+        if self.slips:
+            variance[self.walk] = LIBRARY["sensor_slip"].parameters[0].spread ** 2
+            group[self.steps] = SLIP
+        variance[:p] = self.spread**2
+        self.group, self.variance = group, variance
+
+    def effects(self, z: Floats) -> Floats:
+        """Parameters of all effects."""
+        e = absent()
+        for slot, value in zip(self.slots, z[5:], strict=True):
+            e[slot.place] = slot.value(value)
+        return e
+
+    def predict(self, z: Floats) -> tuple[Floats, Floats]:
+        """Angles at the samples, and readings in the fixture."""
+        e = self.effects(z)
+        angle, _ = self.chain.run(to_x(z), e)
+        fixture = self.evidence.fixture
+        return angle, np.zeros(0) if fixture is None else fixture.predicted(e)
+
+    def blocks(self, z: Floats) -> tuple[list[Block], Floats]:
+        """Linearise at `z`: rows of all trials and calibrations; and the prediction."""
+        evidence, grid = self.evidence, self.evidence.grid
+        y, fixed = self.predict(z)
+        slopes = np.empty((y.size, self.parameters))
+        fixture_slopes = np.empty((fixed.size, self.parameters))
+        for k in range(self.parameters):
+            step = _SLOPE_STEP if k < 5 else 0.01 * min(self.spread[k], 0.3 * max(abs(z[k]), 0.3))
+            moved = z.copy()
+            if moved[k] + step > self.high[k]:
+                step = -step
+            moved[k] += step
+            up, fixture_up = self.predict(moved)
+            slopes[:, k] = (up - y) / step
+            fixture_slopes[:, k] = (fixture_up - fixed) / step
+        e = self.effects(z)
+        quick, _ = self.chain.run(paced(to_x(z), 1.0 + _PACE_STEP), e)
+        pace = (quick - y) / _PACE_STEP
+        curve = curve_columns(y)
+        late = np.zeros((y.size, 1))
+        for rows in evidence.rows:
+            late[rows, 0] = -np.gradient(y[rows], grid.time_s[rows])
+        blocks = []
+        for i, rows in enumerate(evidence.rows):
+            used = rows[self.keep[rows]]
+            if used.size == 0:
+                continue
+            local = self.keep[rows]
+            zero = np.zeros((used.size, 1 + self.steps.size))
+            zero[:, 0] = float(grid.trials[i].order - 1)
+            zero[:, 1 : i + 2] = 1.0
+            columns = np.hstack(
+                [
+                    slopes[used],
+                    curve[used],
+                    late[used],
+                    zero,
+                    y[used, None],
+                    np.ones((used.size, 1)),
+                    pace[used, None],
+                    evidence.support[i][local],
+                ]
+            )
+            index = np.concatenate(
+                [
+                    np.arange(self.parameters),
+                    self.curve,
+                    [self.late, self.walk],
+                    self.steps,
+                    self.own[i],
+                    self.support[evidence.support_index[i]],
+                ]
+            )
+            blocks.append(
+                Block(grid.angle_deg[used] - y[used], 1.0 / evidence.variance[used], columns, index)
+            )
+        fixture = evidence.fixture
+        if fixture is not None:
+            blocks.append(
+                Block(
+                    fixture.deviation_deg - fixed,
+                    1.0 / fixture.sigma_deg**2,
+                    fixture_slopes,
+                    np.arange(self.parameters),
+                )
+            )
+        if evidence.drift_deg.size:
+            blocks.append(self._drift_block())
+        return blocks, y
+
+    def _drift_block(self) -> Block:
+        evidence = self.evidence
+        rows = evidence.drift_deg.size
+        zero = np.ones((rows, 1 + self.steps.size))
+        zero[:, 0] = float(evidence.grid.orders.max())
+        return Block(
+            evidence.drift_deg,
+            1.0 / evidence.drift_sigma_deg**2,
+            zero,
+            np.concatenate([[self.walk], self.steps]),
+        )
+
+    def prior(self, z: Floats) -> Prior:
+        """Prior of all columns' coefficients, those of the parameters as steps from `z`."""
+        mean = np.zeros(self.size)
+        mean[: self.parameters] = self.centre - z
+        return Prior(mean, self.variance, self.group, SCALES)
+
+    def fit(self, start: Floats) -> Fit:
+        """Search from `start`.
+
+        Returns
+        -------
+        Fit
+            The best point met.
+        """
+        z = np.clip(start, self.low, self.high)
+        variances = SCALES**2
+        best: tuple[float, Floats, Floats, Solution, list[Block]] | None = None
+        step = np.zeros(z.size)
+        for _ in range(_MOST_STEPS):
+            blocks, y = self.blocks(z)
+            prior = self.prior(z)
+            normal = normal_equations(blocks, self.size)
+            # Where the linearised optimum is, and how good this very point is: the same
+            # equations with the parameters' steps held at zero.
+            solution = solve(normal, prior, variances, rounds=2)
+            here = self._at_point(normal, prior, solution)
+            if best is not None and here < best[0] - 1e-9:
+                step = 0.4 * step
+                if np.max(np.abs(step) / self.spread) < 1e-3:
+                    break
+                z = np.clip(best[1] + step, self.low, self.high)
+                continue
+            gained = np.inf if best is None else here - best[0]
+            best = (here, z, y, solution, blocks)
+            variances = solution.variances
+            step = solution.coefficients[: self.parameters]
+            step = _limited(step, self.spread)
+            new = np.clip(z + step, self.low, self.high)
+            new[1] = min(new[1], new[0] - 1e-3)
+            step = new - z
+            if gained < _CONVERGED and np.max(np.abs(step) / self.spread) < 0.05:
+                break
+            z = new
+        assert best is not None
+        return self._result(*best[1:])
+
+    def _at_point(self, normal: Normal, prior: Prior, solution: Solution) -> float:
+        """Log posterior with the parameters' steps held at zero."""
+        p = self.parameters
+        rest = slice(p, None)
+        inner = Normal(
+            normal.matrix[rest, rest],
+            normal.vector[rest],
+            normal.square,
+            normal.log_noise,
+            normal.rows,
+        )
+        nuisance = Prior(prior.mean[rest], prior.variance[rest], prior.group[rest], prior.scale)
+        held = solve(inner, nuisance, solution.variances, rounds=0)
+        deviation = prior.mean[:p] / self.spread
+        return held.log_evidence - 0.5 * float(deviation @ deviation)
+
+    def _result(self, z: Floats, y: Floats, solution: Solution, blocks: list[Block]) -> Fit:
+        evidence = self.evidence
+        b = solution.coefficients
+        shared = y.copy()
+        residual = evidence.grid.angle_deg - y
+        discrepancy = np.zeros(y.size)
+        curve = curve_columns(y) @ b[self.curve]
+        zeros = b[self.walk] * (evidence.grid.orders - 1.0)
+        if self.slips:
+            zeros = zeros + np.cumsum(b[self.steps])
+        shared += curve + zeros[evidence.grid.sample_trial]
+        for block, rows in zip(blocks, self._used_rows(), strict=False):
+            full = block.columns @ b[block.index]
+            support = np.isin(block.index, self.support)
+            discrepancy[rows] = block.columns[:, support] @ b[block.index][support]
+            residual[rows] = block.residual - full + discrepancy[rows]
+        return Fit(
+            ids=self.ids,
+            free=self.free,
+            x=to_x(z),
+            effects=self.effects(z),
+            searched=z,
+            predicted_deg=y,
+            explained_deg=shared,
+            residual_deg=residual,
+            discrepancy_deg=discrepancy,
+            solution=solution,
+            curve_deg=b[self.curve],
+            zeros_deg=zeros,
+            trial_effects=b[self.own],
+            log_evidence=solution.log_evidence,
+        )
+
+    def _used_rows(self) -> list[Integers]:
+        used = [rows[self.keep[rows]] for rows in self.evidence.rows]
+        return [rows for rows in used if rows.size]
+
+    def starts(self, base: Floats) -> list[Floats]:
+        """Starting points: each effect's own, on the coefficients `base` (searched)."""
+        points = [base[:5]]
+        for slot in self.slots:
+            every = slot.parameter.starts
+            points = [np.append(point, slot.searched(v)) for point in points for v in every]
+        return points
+
+
+def _limited(step: Floats, spread: Floats) -> Floats:
+    """Shorten a step that leaves what the linearisation can be trusted for."""
+    longest = float(np.max(np.abs(step) / spread))
+    return step * min(1.0, 2.0 / longest) if longest > 0 else step
+
+
+def best_fit(fits: Sequence[Fit]) -> Fit:
+    """Return the fit of largest evidence."""
+    return max(fits, key=_evidence)
+
+
+_evidence: Callable[[Fit], float] = lambda fit: fit.log_evidence  # noqa: E731

@@ -1,0 +1,188 @@
+"""A linear mixed model: what is asked for, nuisances with unknown variances, and white noise.
+
+    r = J δ + Z b + ε,   δ ~ N(δ0, Π),   b ~ N(0, diag γ),   ε ~ N(0, diag R)
+
+The rows come in blocks (trials) and every column lives in few of them, so the normal matrix is
+assembled block by block. The variances γ follow by EM with a weak prior (Laird and Ware 1982,
+doi:10.2307/2529876); the marginal likelihood integrates δ and b out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, lapack
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_PRIOR_STRENGTH = 2.0  # degrees of freedom that a variance's prior is worth
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows that belong together, and the columns that are not zero in them.
+
+    Attributes
+    ----------
+    residual, weight : (n,) arrays
+        Measured less predicted, and 1/R.
+    columns : (n, q) array
+        The block's columns.
+    index : (q,) array
+        Where they stand among all columns.
+    """
+
+    residual: Floats
+    weight: Floats
+    columns: Floats
+    index: Integers
+
+
+@dataclass(frozen=True)
+class Normal:
+    """The normal equations of all blocks.
+
+    Attributes
+    ----------
+    matrix : (q, q) array
+        HᵀR⁻¹H.
+    vector : (q,) array
+        HᵀR⁻¹r.
+    square : float
+        rᵀR⁻¹r.
+    log_noise : float
+        log|R| + n log 2π.
+    rows : int
+        n.
+    """
+
+    matrix: Floats
+    vector: Floats
+    square: float
+    log_noise: float
+    rows: int
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known beforehand of the columns.
+
+    Attributes
+    ----------
+    mean, variance : (q,) arrays
+        Of each column's coefficient; the variance counts only where `group` is negative.
+    group : (q,) array
+        Which unknown variance the coefficient has, negative for none.
+    scale : (g,) array
+        Typical standard deviation of each group.
+    """
+
+    mean: Floats
+    variance: Floats
+    group: Integers
+    scale: Floats
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Coefficients given the variances, the variances, and the evidence.
+
+    Attributes
+    ----------
+    coefficients : (q,) array
+        Posterior means.
+    factor : (q, q) array
+        Cholesky factor of the posterior's precision, lower.
+    variances : (g,) array
+        Of the groups.
+    log_evidence : float
+        Logarithm of the marginal likelihood, the variances' prior included.
+    """
+
+    coefficients: Floats
+    factor: Floats
+    variances: Floats
+    log_evidence: float
+
+    def covariance(self) -> Floats:
+        """Posterior covariance, (q, q)."""
+        inverse = np.tril(_inverse(self.factor))
+        return np.asarray(inverse + np.tril(inverse, -1).T)
+
+
+def _inverse(factor: Floats) -> Floats:
+    """Lower triangle of the inverse of a matrix given by its Cholesky factor."""
+    inverse, status = lapack.dpotri(factor, lower=1)
+    if status != 0:
+        raise np.linalg.LinAlgError("a precision matrix is singular")
+    return np.asarray(inverse)
+
+
+def normal_equations(blocks: list[Block], size: int) -> Normal:
+    """Add up HᵀR⁻¹H and HᵀR⁻¹r over the blocks."""
+    matrix, vector = np.zeros((size, size)), np.zeros(size)
+    square = log_noise = 0.0
+    rows = 0
+    for block in blocks:
+        weighted = block.columns * block.weight[:, None]
+        matrix[np.ix_(block.index, block.index)] += block.columns.T @ weighted
+        vector[block.index] += block.residual @ weighted
+        square += float(block.weight @ block.residual**2)
+        log_noise += float(np.sum(np.log(2.0 * np.pi / block.weight)))
+        rows += block.residual.size
+    return Normal(matrix, vector, square, log_noise, rows)
+
+
+def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> Solution:
+    """Estimate coefficients and variances.
+
+    Parameters
+    ----------
+    normal : Normal
+        The equations.
+    prior : Prior
+        Of the coefficients.
+    variances : (g,) array
+        First guess of the groups' variances.
+    rounds : int
+        EM steps; 0 keeps the variances.
+
+    Returns
+    -------
+    Solution
+        With the evidence at the last variances.
+    """
+    variances = variances.copy()
+    grouped = prior.group >= 0
+    groups = prior.scale.size
+    sizes = np.bincount(prior.group[grouped], minlength=groups)
+    for step in range(rounds + 1):
+        spread = prior.variance.copy()
+        spread[grouped] = variances[prior.group[grouped]]
+        a = normal.matrix + np.diag(1.0 / spread)
+        right = normal.vector + prior.mean / spread
+        factor = cho_factor(a, lower=True, check_finite=False)
+        coefficients = cho_solve(factor, right, check_finite=False)
+        if step == rounds:
+            break
+        second = coefficients**2 + np.diag(_inverse(factor[0]))
+        sums = np.bincount(prior.group[grouped], second[grouped], minlength=groups)
+        variances = (sums + _PRIOR_STRENGTH * prior.scale**2) / (sizes + _PRIOR_STRENGTH + 2.0)
+    deviation = coefficients - prior.mean
+    fit = normal.square - 2.0 * coefficients @ normal.vector
+    fit += coefficients @ normal.matrix @ coefficients
+    log_determinant = 2.0 * float(np.sum(np.log(np.diag(factor[0])))) + float(
+        np.sum(np.log(spread))
+    )
+    half = _PRIOR_STRENGTH / 2.0
+    log_prior = np.sum(
+        -(half + 1.0) * np.log(variances / prior.scale**2)
+        - half * (prior.scale**2 / variances - 1.0)
+    )
+    evidence = -0.5 * (
+        fit + deviation @ (deviation / spread) + log_determinant + normal.log_noise
+    ) + float(log_prior)
+    return Solution(coefficients, np.asarray(factor[0]), variances, float(evidence))
