@@ -27,9 +27,17 @@ from spa_fo.virtual_rig.actuators import (
 )
 from spa_fo.virtual_rig.alien_effects import ALIENS
 from spa_fo.virtual_rig.bench import Scatter, Specimen
-from spa_fo.virtual_rig.campaign_writer import campaign_files
+from spa_fo.virtual_rig.campaign_writer import continued_files, schedule
 from spa_fo.virtual_rig.doses import FORMS, Dose, draw_dose
-from spa_fo.virtual_rig.protocols import hold, staircase, step, step_release, triangle
+from spa_fo.virtual_rig.equivalents import equivalents
+from spa_fo.virtual_rig.protocols import (
+    hold,
+    plateaus,
+    staircase,
+    step,
+    step_release,
+    triangle,
+)
 from spa_fo.virtual_rig.sizing import Scale, Sized
 from spa_fo.virtual_rig.syringe_pump import SyringePump
 from spa_fo.virtual_rig.wire import Damage
@@ -110,14 +118,14 @@ class BuiltCase:
 
     def __init__(self, case: Case) -> None:
         self.case = case
-        bare = _plan(case)
+        bare = plan_campaign(case)
         self.core = bare.specimen.actuator.core
         scale = Scale(bare, case.seed)
         specimen = bare.specimen
-        given = []
+        given: list[_Given] = []
         for effect, size in zip(case.effects, case.sizes, strict=True):
             dose = draw_dose(effect, case.form, _stream(case, effect))
-            sized = scale.amplitude_for(dose, size)
+            sized = scale.amplitude_for(dose, size, specimen if given else None)
             given.append(_Given(effect, dose, sized))
             specimen = dose.given_to(specimen, sized.amplitude)
         self._given = tuple(given)
@@ -126,9 +134,18 @@ class BuiltCase:
         self.plan = replace(bare, specimen=specimen)
 
     @cached_property
+    def _files(self) -> tuple[dict[str, bytes], dict[str, bytes]]:
+        return continued_files(self.plan, plan_continuation(self.case, self.plan), self.case.seed)
+
+    @property
     def campaign(self) -> dict[str, bytes]:
         """Every file of the campaign's folder."""
-        return campaign_files(self.plan, self.case.seed)
+        return self._files[0]
+
+    @property
+    def later(self) -> dict[str, bytes]:
+        """Every file of the campaign that continues it, by other protocols and at other levels."""
+        return self._files[1]
 
     @property
     def label(self) -> dict[str, Any]:
@@ -139,6 +156,7 @@ class BuiltCase:
             "case": case.name,
             "kind": case.kind,
             "effects": list(case.effects),
+            "equivalents": _fair_answers(case),
             "form": case.form,
             "sizes": list(case.sizes),
             "sizes_reached": [given.sized.size for given in self._given],
@@ -169,6 +187,25 @@ def build(case: Case) -> tuple[dict[str, bytes], dict[str, Any]]:
     """
     built = BuiltCase(case)
     return built.campaign, built.label
+
+
+def build_continuation(case: Case) -> dict[str, bytes]:
+    """Make the campaign that continues a case's on the same specimen: trials nobody has seen.
+
+    Its trials follow on the same bench after a pause and have a scatter of their own; it holds the
+    earliest calibration and no other.
+    """
+    return BuiltCase(case).later
+
+
+def _fair_answers(case: Case) -> list[str]:
+    """List the effects that are a fair answer where the true one is not in the library."""
+    fair: tuple[str, ...] = ()
+    if case.kind == "alien":
+        fair = ALIENS[case.effects[0]].equivalents
+    elif case.kind == "withheld":
+        fair = equivalents(case.effects[0])
+    return list(fair)
 
 
 def model_document(case: Case) -> dict[str, Any]:
@@ -210,7 +247,7 @@ def _draw_scatter(rng: np.random.Generator) -> Scatter:
     )
 
 
-def _plan(case: Case) -> CampaignPlan:
+def plan_campaign(case: Case) -> CampaignPlan:
     """Plan the campaign of a case, its specimen without any effect."""
     core = draw_core(_stream(case, "core"))
     rng = _stream(case, "campaign")
@@ -250,6 +287,37 @@ def _up_steps(core: FractionalCore) -> tuple[Experiment, ...]:
         Experiment(f"step_{angle}", float(angle), step(pressure_for(core, angle)))
         for angle in (30, 60)
     )
+
+
+def plan_continuation(case: Case, plan: CampaignPlan) -> CampaignPlan:
+    """Plan what comes after: levels and protocols that the case's campaign does not hold."""
+    core = draw_core(_stream(case, "core"))
+    rng = _stream(case, "later")
+    last = schedule(plan, case.seed)[-1]
+    pause_s = rng.uniform(900.0, 1500.0)
+    trials = {"step_45": 2, "triangle_50": 2, "free_1": 1, "free_2": 1}
+    return replace(
+        plan,
+        name=f"{case.name}_later",
+        continues=case.name,
+        first_order=last.order + 1,
+        first_s=round(last.started_s + last.experiment.profile.duration_s + pause_s, 1),
+        post_calibration=False,
+        damage=Damage(flipped=1),
+        experiments=(
+            Experiment("step_45", 45.0, step_release(pressure_for(core, 45.0))),
+            Experiment("triangle_50", None, triangle(pressure_for(core, 50.0), ramp_s=5.0)),
+            _at_random("free_1", core, rng),
+            _at_random("free_2", core, rng),
+        ),
+        order=_shuffled(trials, rng),
+    )
+
+
+def _at_random(name: str, core: FractionalCore, rng: np.random.Generator) -> Experiment:
+    """Hold six levels drawn at random between 8° and 60°."""
+    levels = [pressure_for(core, angle) for angle in rng.uniform(8.0, 60.0, 6).tolist()]
+    return Experiment(name, None, plateaus("free", levels, 1.5, 3.5, release_s=4.0))
 
 
 def _shuffled(trials: Mapping[str, int], rng: np.random.Generator) -> tuple[str, ...]:

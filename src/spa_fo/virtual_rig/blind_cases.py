@@ -7,17 +7,29 @@ import sys
 from pathlib import Path
 
 from spa_fo.errors import BadInput
-from spa_fo.virtual_rig.blind_build import KINDS, MODELS, PROTOCOLS, Case, build, model_document
+from spa_fo.virtual_rig.blind_build import (
+    KINDS,
+    MODELS,
+    PROTOCOLS,
+    Case,
+    build,
+    build_continuation,
+    model_document,
+)
+from spa_fo.virtual_rig.blind_plan import plan_cases, read_plan
 from spa_fo.virtual_rig.blind_writer import check_seals, label_bytes, seal, write_cases
 from spa_fo.virtual_rig.doses import FORMS
 
 __all__ = [
     "Case",
     "build",
+    "build_continuation",
     "check_seals",
     "label_bytes",
     "main",
     "model_document",
+    "plan_cases",
+    "read_plan",
     "seal",
     "write_cases",
 ]
@@ -26,8 +38,21 @@ _EXAMPLE = """\
 example:
   python -m spa_fo.virtual_rig.blind_cases --out /tmp/blind --seed 1 --effect creep --size 4
 
-writes /tmp/blind/case_0001/ (campaign, model.json, exclude.txt), its sealed label to
+writes /tmp/blind/case_0001/ (campaign, later, model.json, exclude.txt), its sealed label to
 /tmp/blind/labels/case_0001.json and the seal to /tmp/blind/seals.txt.
+
+  python -m spa_fo.virtual_rig.blind_cases --out /tmp/blind --plan plan.yaml --workers 2
+
+writes every case of a plan:
+
+  seed: 1
+  forms: [a, b]
+  closed: {rich: 1, up_steps: 1, sizes: [1, 2, 4, 8]}   # of each effect, form and size
+  withheld: {rich: 1, sizes: [4]}
+  alien: {rich: 2, sizes: [4, 8]}                       # of each alien effect and size
+  no_effect: {rich: 40, up_steps: 20}                   # in all
+  pair: {rich: 30}
+  own_fit: 0.3                                          # share of cases without a model
 """
 
 
@@ -36,15 +61,18 @@ def main(arguments: list[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(arguments)
     try:
-        case = _case(given)
+        cases = [_case(given)] if given.plan is None else plan_cases(read_plan(given.plan))
     except ValueError as error:
         parser.error(str(error))
-    try:
-        write_cases([case], given.out, given.labels or given.out / "labels", given.workers)
     except BadInput as error:
         print(error, file=sys.stderr)
         return 2
-    print(given.out / case.name)
+    try:
+        write_cases(cases, given.out, given.labels or given.out / "labels", given.workers)
+    except BadInput as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(f"{given.out}: {len(cases)} case{'s' * (len(cases) != 1)}")
     return 0
 
 
@@ -57,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--out", type=Path, required=True, help="folder of the cases")
     parser.add_argument("--labels", type=Path, help="folder of the labels [OUT/labels]")
+    parser.add_argument("--plan", type=Path, help="a YAML file that says which cases")
     parser.add_argument("--workers", type=int, default=1, help="processes [1]")
     one = parser.add_argument_group("a single case")
     one.add_argument("--seed", type=int, default=1, help="seed of all that is random [1]")

@@ -1,7 +1,8 @@
 """Cases of the blind benchmark on disk: what the examinee gets, and the sealed labels.
 
-A case's folder ``<case>/`` holds ``campaign/``, ``exclude.txt`` (effects to withhold, a line
-each) and, unless the model has to be identified on the campaign, ``model.json``. The label goes to
+A case's folder ``<case>/`` holds ``campaign/``, ``later/`` (the campaign that continues it, kept
+from the diagnosis to judge the shrink by), ``exclude.txt`` (effects to withhold, a line each) and,
+unless the model has to be identified on the campaign, ``model.json``. The label goes to
 another folder; ``seals.txt`` beside the cases holds its hash, as sha256sum would write it.
 """
 
@@ -12,6 +13,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,7 @@ def case_files(built: BuiltCase) -> dict[str, bytes]:
     """Every file of a case's folder, by its relative name."""
     case = built.case
     files = {f"campaign/{name}": data for name, data in built.campaign.items()}
+    files |= {f"later/{name}": data for name, data in built.later.items()}
     files["exclude.txt"] = "".join(f"{effect}\n" for effect in case.exclude).encode("ascii")
     if case.model == "nominal":
         files["model.json"] = json.dumps(model_document(case), indent=2).encode("ascii") + b"\n"
@@ -64,23 +67,20 @@ def write_case(case: Case, folder: Path, labels: Path) -> str:
 
 
 def write_cases(cases: Sequence[Case], folder: Path, labels: Path, workers: int = 1) -> None:
-    """Write cases and, last, ``seals.txt``: the seal of each, whatever the number of workers.
+    """Write cases and, last, their seals to the end of ``seals.txt``.
 
     Raises
     ------
     BadInput
-        ``seals.txt`` or the folder of a case exists already, or something cannot be written.
+        The folder of a case exists already, or something cannot be written.
     """
     seals = folder / "seals.txt"
-    if seals.exists():
-        raise BadInput(
-            seals, "exists already; expected a new folder, sealed cases stay as they are"
-        )
     write = partial(write_case, folder=folder, labels=labels)
     if workers == 1:
         hashes: Iterable[str] = map(write, cases)
     else:
-        with ProcessPoolExecutor(workers) as pool:
+        # Forked processes could inherit locked threads; spawned ones cannot.
+        with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
             hashes = list(pool.map(write, cases))
     lines = [f"{value}  {case.name}\n" for value, case in zip(hashes, cases, strict=True)]
     before = seals.read_text(encoding="ascii") if seals.exists() else ""

@@ -34,7 +34,8 @@ class PolledCommand:
         def look(signal: Array) -> Array:
             nonlocal done, seen
             now = done + np.arange(signal.size)
-            last = np.floor(np.floor(now / period) * period).astype(np.int64) - done
+            last = np.ceil(np.floor(now / period) * period).astype(np.int64)
+            last = np.minimum(last, now) - done
             out = np.where(last >= 0, signal[np.maximum(last, 0)], seen)
             done, seen = done + signal.size, float(out[-1])
             return np.asarray(out)

@@ -47,10 +47,12 @@ class Reading:
     deg_per_volt: Array
 
 
-def exact_reading(plan: CampaignPlan, seed: int) -> Reading:
+def exact_reading(
+    plan: CampaignPlan, seed: int, steps_per_second: float = _STEPS_PER_SECOND
+) -> Reading:
     """Run a campaign without noise and without scatter; slips are those of the seed."""
     specimen = replace(plan.specimen, scatter=Scatter())
-    bench = Bench(specimen, board_rate_hz(plan), PRE_CALIBRATION_S, _STEPS_PER_SECOND)
+    bench = Bench(specimen, board_rate_hz(plan), PRE_CALIBRATION_S, steps_per_second)
     curve = _calibrated(plan, bench)
     volts = []
     for trial in schedule(plan, seed):
@@ -154,14 +156,19 @@ class Scale:
         keeps = bool(np.all(np.isfinite(angle)) and angle.max() <= LARGEST_ANGLE_DEG)
         return rms(angle - self._plain.angle_deg) / self.floor_deg, keeps
 
-    def amplitude_for(self, dose: Dose, size: float) -> Sized:
-        """Find the amplitude that has this size; the largest sensible one where none has."""
-        return solve(
-            lambda amplitude: self.weigh(dose.given_to(self._plan.specimen, amplitude)),
-            size,
-            dose.typical,
-            dose.largest,
-        )
+    def amplitude_for(self, dose: Dose, size: float, besides: Specimen | None = None) -> Sized:
+        """Find the amplitude that has this size; the largest sensible one where none has.
+
+        A specimen with another effect, `besides`, has to keep within the fixture as well.
+        """
+
+        def weigh(amplitude: float) -> tuple[float, bool]:
+            reached, keeps = self.weigh(dose.given_to(self._plan.specimen, amplitude))
+            if keeps and besides is not None:
+                keeps = self.weigh(dose.given_to(besides, amplitude))[1]
+            return reached, keeps
+
+        return solve(weigh, size, dose.typical, dose.largest)
 
 
 def solve(
