@@ -69,7 +69,7 @@ class Memory:
                 name: getattr(self, name).tolist()
                 for name in ("creep", "stops", "virgin", "film", "play_kpa")
             },
-            "ends_s": self.ends_s,
+            "ends_s": None if math.isnan(self.ends_s) else self.ends_s,
         }
 
     @classmethod
@@ -83,13 +83,16 @@ class Memory:
         """
         fresh = cls()
         pairs = np.asarray(document["modes"], dtype=np.float64)
+        if pairs.shape != (MODES, 2):
+            raise ValueError(f"modes: expected {MODES} pairs of numbers")
         arrays: dict[str, Any] = {"modes": pairs[:, 0] + 1j * pairs[:, 1]}
         for name in ("creep", "stops", "virgin", "film", "play_kpa"):
             arrays[name] = np.asarray(document[name], dtype=np.float64)
         for name, value in arrays.items():
             if value.shape != getattr(fresh, name).shape:
                 raise ValueError(f"{name}: expected {getattr(fresh, name).size} values")
-        return cls(**arrays, ends_s=float(document["ends_s"]))
+        ends_s = document["ends_s"]
+        return cls(**arrays, ends_s=math.nan if ends_s is None else float(ends_s))
 
 
 @dataclass(frozen=True)
@@ -120,7 +123,7 @@ class Chain:
     memory: Memory = field(default_factory=Memory)
 
     def pressure(self, effects: Floats, play: Floats) -> Floats:
-        """True pressure on the cells, kPa."""
+        """Give the true pressure on the cells, kPa."""
         if self.is_pressure:
             return self.input_kpa
         return np.asarray(drive_pressure(self.input_kpa, self.grid.cell_starts, effects, play))
@@ -170,28 +173,38 @@ class Chain:
             memory.virgin,
         )
         reading = read_angle(np.degrees(angle), grid.level, effects, memory.film)
-        last = grid.trials[-1]
-        return reading, replace(memory, ends_s=last.started_s + float(last.t_s[-1]))
+        return reading, replace(memory, ends_s=grid.ends_s)
 
     def observed(self, reading: Floats, effects: Floats) -> Floats:
-        """Take the reading at the grid's averaged samples; the log's delay and the slip act here."""
+        """Take the reading at the grid's averaged samples."""
+        grid = self.grid
+        return self.logged(reading, effects, grid.sample_step, grid.sample_share, grid.sample_trial)
+
+    def logged(
+        self, reading: Floats, effects: Floats, step: Integers, share: Floats, trial: Integers
+    ) -> Floats:
+        """Take the reading at any samples; the log's delay and the slip act here.
+
+        Parameters
+        ----------
+        reading : (steps,) array
+            From `readings`, deg.
+        effects : array
+            Parameters of all effects, NaN where absent.
+        step, share, trial : (n,) arrays
+            Each sample's step, where in it the sample lies (0 to 1), and its trial as an index
+            into the grid's.
+        """
         grid = self.grid
         before = np.concatenate([[0.0], reading[:-1]])
         if math.isnan(effects[_LATENCY]):
-            share = grid.sample_share
-            y = (1.0 - share) * before[grid.sample_step] + share * reading[grid.sample_step]
+            y = (1.0 - share) * before[step] + share * reading[step]
         else:
             y = _delayed(
-                reading,
-                grid.level,
-                grid.step_starts,
-                grid.sample_step,
-                grid.sample_share,
-                grid.sample_trial,
-                effects[_LATENCY],
+                reading, grid.level, grid.step_starts, step, share, trial, effects[_LATENCY]
             )
         if not math.isnan(effects[_SLIP]):
-            y = y + slipped(grid.orders, effects)[grid.sample_trial]
+            y = y + slipped(grid.orders, effects)[trial]
         return np.asarray(y)
 
 

@@ -43,7 +43,7 @@ class CampaignGrid:
     middle_s : (steps,) array
         Campaign time at each step's middle.
     step_starts : (trials + 1,) array
-        First step of each trial; its rest follows it.
+        First step of each trial; its rest follows it. A rest may come before the first one.
     trial_steps : (trials,) array
         Number of steps before the rest.
     sample_step, sample_share : (n,) arrays
@@ -79,6 +79,21 @@ class CampaignGrid:
         """Each trial's place in the campaign."""
         return np.array([trial.order for trial in self.trials])
 
+    @property
+    def ends_s(self) -> float:
+        """Campaign time at the end of the last step."""
+        last = self.trials[-1]
+        cells = self.cell_starts[-1] - self.cell_starts[-2]
+        return float(last.started_s + cells * FINEST_STEP_S)
+
+    def locate(self, trial: int, t_s: Floats) -> tuple[Integers, Floats]:
+        """Find times within a trial: the step of each, and where in it the time lies (0 to 1)."""
+        first = self.step_starts[trial]
+        level = self.level[first : first + self.trial_steps[trial]]
+        ends_s = _ends_s(level)
+        step = _step_at(ends_s, t_s)
+        return first + step, _share(ends_s, level, step, t_s)
+
     def step_means(self, cells: Floats) -> Floats:
         """Average a signal given on cells over the steps; 0 in the rests."""
         total = np.concatenate([[0.0], np.cumsum(cells)])
@@ -86,8 +101,24 @@ class CampaignGrid:
         return np.asarray(np.where(self.cells > 0, sums / np.maximum(self.cells, 1), 0.0))
 
 
-def campaign_grid(trials: Sequence[Trial], source: object = "campaign") -> CampaignGrid:
+def campaign_grid(
+    trials: Sequence[Trial],
+    source: object = "campaign",
+    rested_from_s: float | None = None,
+    longest: int = _LONGEST,
+) -> CampaignGrid:
     """Lay the trials of a campaign on the simulator's grid.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        In any order.
+    source : object
+        What the messages name.
+    rested_from_s : float, optional
+        Campaign time since which a specimen with a past has rested before the first trial.
+    longest : int
+        Level of the longest step within a trial.
 
     Raises
     ------
@@ -97,15 +128,22 @@ def campaign_grid(trials: Sequence[Trial], source: object = "campaign") -> Campa
     ordered = tuple(sorted(trials, key=lambda trial: trial.order))
     laid = [_lay(trial, source) for trial in ordered]
     largest = max(float(np.abs(item.drive).max()) for item in laid)
-    steps = [_steps(item.drive, largest) for item in laid]
+    steps = [_steps(item.drive, largest, longest) for item in laid]
 
-    level, first_cell, cells, middle, starts = [], [], [], [], [0]
+    lead = _NO_REST
+    if rested_from_s is not None:
+        # One step at least: nothing is then read where the state before it would be needed.
+        lead = _rest(max(ordered[0].started_s - rested_from_s, FINEST_STEP_S))
+    lengths = STEPS_S[lead]
+    level, starts = [lead], [lead.size]
+    first_cell, cells = [np.zeros_like(lead)], [np.zeros_like(lead)]
+    middle = [ordered[0].started_s - np.cumsum(lengths[::-1])[::-1] + 0.5 * lengths]
     samples: list[_Samples] = []
     cell_starts = np.concatenate([[0], np.cumsum([item.drive.size for item in laid])])
     for i, (trial, item, own) in enumerate(zip(ordered, laid, steps, strict=True)):
         widths = 2**own
         ends = np.cumsum(widths)
-        samples.append(_average(trial, ends * FINEST_STEP_S, own, starts[-1], i))
+        samples.append(_average(trial, own, starts[-1]))
         finish = trial.started_s + item.drive.size * FINEST_STEP_S
         rest = _rest(ordered[i + 1].started_s - finish) if i + 1 < len(ordered) else _NO_REST
         level += [own, rest]
@@ -183,7 +221,7 @@ def _lay(trial: Trial, source: object) -> _Laid:
     return _Laid(drive, command, pressure)
 
 
-def _steps(drive: Floats, largest: float) -> Integers:
+def _steps(drive: Floats, largest: float, longest: int) -> Integers:
     """Choose the step levels of one trial."""
     jumps = np.flatnonzero(np.abs(np.diff(drive, prepend=0.0)) > _JUMP * largest)
     jumps = np.append(jumps, drive.size)
@@ -195,7 +233,7 @@ def _steps(drive: Floats, largest: float) -> Integers:
             following += 1
         room = int(jumps[following] if jumps[following] > at else drive.size) - at
         allowed = max(1.0, (at - since) / _GROWTH)
-        level = min(_LONGEST, int(np.log2(allowed)), int(np.log2(room)))
+        level = min(longest, int(np.log2(allowed)), int(np.log2(room)))
         levels.append(level)
         at += 2**level
     return np.array(levels, dtype=np.int64)
@@ -213,11 +251,11 @@ def _rest(seconds: float) -> Integers:
     return np.array(levels, dtype=np.int64)
 
 
-def _average(trial: Trial, ends_s: Floats, level: Integers, first: int, index: int) -> _Samples:
-    del index
+def _average(trial: Trial, level: Integers, first: int) -> _Samples:
+    ends_s = _ends_s(level)
     good = ~trial.after_reset
     t = trial.t_s[good]
-    step = np.minimum(np.searchsorted(ends_s, t, side="left"), ends_s.size - 1)
+    step = _step_at(ends_s, t)
     counts = np.bincount(step, minlength=ends_s.size).astype(np.float64)
     used = np.flatnonzero(counts)
 
@@ -226,16 +264,28 @@ def _average(trial: Trial, ends_s: Floats, level: Integers, first: int, index: i
         return np.asarray(sums[used] / counts[used])
 
     time = mean(t)
-    length = STEPS_S[level[used]]
     measured = trial.pressure_kpa
     return _Samples(
         step=used + first,
-        share=np.clip(1.0 - (ends_s[used] - time) / length, 0.0, 1.0),
+        share=_share(ends_s, level, used, time),
         time_s=time,
         angle_deg=mean(trial.angle_deg[good]),
         counts=counts[used],
         measured_kpa=None if measured is None else mean(measured[good]),
     )
+
+
+def _ends_s(level: Integers) -> Floats:
+    """Time at the end of each step of a trial."""
+    return np.asarray(np.cumsum(2**level) * FINEST_STEP_S, dtype=np.float64)
+
+
+def _step_at(ends_s: Floats, t_s: Floats) -> Integers:
+    return np.minimum(np.searchsorted(ends_s, t_s, side="left"), ends_s.size - 1)
+
+
+def _share(ends_s: Floats, level: Integers, step: Integers, t_s: Floats) -> Floats:
+    return np.clip(1.0 - (ends_s[step] - t_s) / STEPS_S[level[step]], 0.0, 1.0)
 
 
 def _joined(parts: Sequence[Floats | None]) -> Floats | None:

@@ -119,7 +119,7 @@ def mode_weights(
 
 @njit
 def _pole_before(x: Floats, angle: float) -> complex:
-    """Logarithm of the root of D with 0 < θ < `angle`, which may exceed π; 0 where there is none."""
+    """Logarithm of the root of D with 0 < θ < `angle`, beyond π too; 0 where there is none."""
     w = find_pole(x[0], x[1], x[2], x[3])
     if w.imag > 0.0:
         return w if w.imag < angle else 0j

@@ -30,7 +30,7 @@ _DT = FINEST_STEP_S
 
 @njit
 def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -> Floats:
-    """True pressure (kPa) from the command, both as means over cells of `FINEST_STEP_S`.
+    """Turn the command into the true pressure (kPa), both as means over cells of `FINEST_STEP_S`.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ def _bend_curve(y: Floats, offsets: Floats) -> None:
 def _offset(offsets: Floats, knot: int) -> float:
     if knot == _ZERO_KNOT:
         return 0.0
-    return offsets[knot] if knot < _ZERO_KNOT else offsets[knot - 1]
+    return float(offsets[knot] if knot < _ZERO_KNOT else offsets[knot - 1])
 
 
 @njit
