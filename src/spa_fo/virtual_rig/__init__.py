@@ -12,4 +12,10 @@ The way of the data, a file a station::
 
 `bench` connects them and keeps their state from trial to trial, `actuators` holds the two
 specimens, `campaign_writer` writes their campaigns.
+
+For the blind benchmark every effect has a second form (`second_forms`, `second_moments`), and
+there are effects that no library holds (`alien_effects`). `doses` draws an effect, `sizing` finds
+the amplitude that makes it as large as is asked, `blind_build` makes a case of it, `blind_plan`
+says which cases there are, `blind_writer` writes them and seals their labels, `equivalents` says
+what else is a fair answer, and `blind_cases` is the command.
 """
