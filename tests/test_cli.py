@@ -287,7 +287,10 @@ def test_bad_rig_logs(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[s
         ({"schema": "spa-fo/model/9"}, "schema"),
         ({"transfer_function": {"alpha2": 1.4}}, "transfer_function.alpha1"),
         ({"input": {"signal": "voltage", "reference_kpa": 30}}, "input.signal"),
-        ({"effects": [{"id": "creep", "stage": "actuator", "parameters": {}}]}, "effects"),
+        (
+            {"effects": [{"id": "creep", "stage": "actuator", "parameters": {}}]},
+            "effects[0].parameters.per_decade",
+        ),
     ],
 )
 def test_bad_models(

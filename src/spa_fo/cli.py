@@ -170,9 +170,14 @@ def _add_predict(commands: Commands) -> None:
         commands,
         "predict",
         "run a model on a campaign and write the measured and the predicted angle of every sample",
-        "spa-fo predict model.json raw/dragon_skin_20 --out prediction.csv",
+        "spa-fo predict model.json raw/dragon_skin_20 --out prediction.csv\n"
+        "  spa-fo predict diagnosis/augmented_model.json raw/arm_later --out later.csv\n\n"
+        "A model with effects runs through the whole campaign in the order of its trials; where\n"
+        "campaign.yaml says that it continues the model's own, from the state that one ended in.",
     )
-    parser.add_argument("model", metavar="MODEL.json", type=Path)
+    parser.add_argument(
+        "model", metavar="MODEL.json", type=Path, help="plain, or augmented with effects"
+    )
     _add_campaign(parser)
     parser.add_argument("--out", metavar="FILE.csv", type=Path, required=True)
     parser.set_defaults(run=_predict)
@@ -181,13 +186,16 @@ def _add_predict(commands: Commands) -> None:
 def _predict(options: argparse.Namespace) -> None:
     from spa_fo.identify import predict_campaign
     from spa_fo.plant import read_model
+    from spa_fo.plant.augmented import is_augmented, past_note
     from spa_fo.rig import read_campaign, read_trials
 
     model = read_model(options.model)
-    if model.effects:
-        raise BadInput(options.model, "expected an empty list: a plain model", "effects")
+    augmented = is_augmented(model, options.model)
     data = read_trials(read_campaign(options.campaign))
-    table = predict_campaign(model, data)
+    note = past_note(model, data.campaign, options.model) if augmented else None
+    if note:
+        print(f"{options.model}: {note}", file=sys.stderr)
+    table = predict_campaign(model, data, options.model)
     write_text(options.out, table.to_csv(index=False, lineterminator="\n"))
     print(f"{options.out}: {len(table)} samples of {len(data.trials)} trials", file=sys.stderr)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -10,6 +12,7 @@ from spa_fo.errors import BadInput
 from spa_fo.fractional import simulate
 from spa_fo.identify.whole_log import HOLD, input_of
 from spa_fo.plant import Model
+from spa_fo.plant.augmented import is_augmented, predict_alone, predict_augmented
 from spa_fo.rig import CampaignData, Trial
 
 PREDICTION_COLUMNS = ("experiment", "trial", "t_s", "angle_deg", "predicted_deg")
@@ -17,6 +20,8 @@ PREDICTION_COLUMNS = ("experiment", "trial", "t_s", "angle_deg", "predicted_deg"
 
 def predict_trial(model: Model, trial: Trial) -> NDArray[np.float64]:
     """Predict the angle at every sample of a trial, at rest before it.
+
+    An augmented model knows nothing of earlier trials here: the specimen is a virgin one.
 
     Returns
     -------
@@ -26,28 +31,46 @@ def predict_trial(model: Model, trial: Trial) -> NDArray[np.float64]:
     Raises
     ------
     BadInput
-        The trial's log does not hold the signal that drives the model.
+        The trial's log does not hold the signal that drives the model, or an effect of the model
+        is not what the library expects.
     """
-    pressure = input_of(trial, model.signal)
-    if pressure is None:
+    if input_of(trial, model.signal) is None:
         raise BadInput(trial.label, f"expected a {model.signal} column: it drives the model")
-    g = model.transfer_function
-    u = pressure / model.reference_kpa
-    angle = simulate(trial.t_s, u, g.alpha2, g.alpha1, g.a1, g.a0, g.b0, hold=HOLD[model.signal])
-    return np.asarray(np.degrees(angle))
+    if is_augmented(model):
+        return predict_alone(model, trial)
+    return _predict_plain(model, trial)
 
 
-def predict_campaign(model: Model, data: CampaignData) -> pd.DataFrame:
+def predict_campaign(
+    model: Model, data: CampaignData, source: Path | str = "model"
+) -> pd.DataFrame:
     """Predict all trials: a row for every valid sample, columns `PREDICTION_COLUMNS`.
+
+    An augmented model runs through the campaign in the order of its trials
+    (`spa_fo.plant.augmented.predict_augmented`); the plain one starts each trial from rest.
+
+    Parameters
+    ----------
+    model : Model
+        Plain or augmented.
+    data : CampaignData
+        The campaign.
+    source : Path or str
+        The model's file, for messages.
 
     Raises
     ------
     BadInput
-        A log does not hold the signal that drives the model.
+        A log does not hold the signal that drives the model, or an effect of the model is not
+        what the library expects.
     """
     for trial, (_, _, file) in zip(data.trials, data.campaign.trial_files(), strict=True):
         if input_of(trial, model.signal) is None:
             raise BadInput(file.path, f"expected a {model.signal} column: it drives the model")
+    if is_augmented(model, source):
+        angles = predict_augmented(model, data, source)
+    else:
+        angles = tuple(_predict_plain(model, trial) for trial in data.trials)
     frames = [
         pd.DataFrame(
             {
@@ -55,9 +78,18 @@ def predict_campaign(model: Model, data: CampaignData) -> pd.DataFrame:
                 "trial": trial.trial,
                 "t_s": trial.t_s,
                 "angle_deg": trial.angle_deg,
-                "predicted_deg": predict_trial(model, trial),
+                "predicted_deg": predicted,
             }
         )
-        for trial in data.trials
+        for trial, predicted in zip(data.trials, angles, strict=True)
     ]
     return pd.concat(frames, ignore_index=True)
+
+
+def _predict_plain(model: Model, trial: Trial) -> NDArray[np.float64]:
+    pressure = input_of(trial, model.signal)
+    assert pressure is not None
+    g = model.transfer_function
+    u = pressure / model.reference_kpa
+    angle = simulate(trial.t_s, u, g.alpha2, g.alpha1, g.a1, g.a0, g.b0, hold=HOLD[model.signal])
+    return np.asarray(np.degrees(angle))
