@@ -158,8 +158,12 @@ def test_cases_that_cannot_be_are_refused():
         {"kind": "no_effect"},
         {"sizes": (1.0, 2.0)},
         {"kind": "alien"},
+        {"kind": "strange"},
+        {"form": "c"},
+        {"protocol": "steps"},
+        {"model": "own"},
     ):
-        with pytest.raises(ValueError, match="case of kind"):
+        with pytest.raises(ValueError, match=r"case(?: of kind|'s \w+ is one of)"):
             replace(CASE, **wrong)
 
 

@@ -90,6 +90,14 @@ class Case:
     exclude: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        for name, known in (
+            ("kind", KINDS),
+            ("form", tuple(FORMS)),
+            ("protocol", PROTOCOLS),
+            ("model", MODELS),
+        ):
+            if getattr(self, name) not in known:
+                raise ValueError(f"a case's {name} is one of {', '.join(known)}")
         count = {"no_effect": 0, "pair": 2}.get(self.kind, 1)
         if len(self.effects) != count or len(self.sizes) != count:
             raise ValueError(f"a case of kind {self.kind} has {count} effects, each with a size")
