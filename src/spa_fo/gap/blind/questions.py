@@ -1,0 +1,173 @@
+"""What is asked of an answer, and what that makes of a group of cases.
+
+Every question is put to one case and answered by yes or no; its measure is the share of yes.
+Strict where there is a choice: naming more than what is at work is wrong, an `unknown` that holds
+the truth as its explained part does not name it, and equivalents recorded with a case count only
+where the library lacks the effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from spa_fo.gap.blind.records import NONE, UNKNOWN, Answer, Outcome, Truth
+from spa_fo.gap.blind.statistics import Calibration, Estimate, calibration, mean, rate
+
+SHRINK_TOLERANCE = 0.10
+_CLEAR = 1.5  # times the floor: a smaller gap on the unseen trials gives no fraction to judge by
+
+Question = Callable[[Truth, Answer], bool]
+Measure = Callable[[Sequence[Outcome]], Estimate]
+
+
+def found(_: Truth, answer: Answer) -> bool:
+    """Whether it saw a gap."""
+    return answer.verdict != "no_gap"
+
+
+def in_sets(truth: Truth, answer: Answer) -> bool:
+    """Whether it named the truth, alone or among what it cannot tell apart."""
+    if truth.kind == "no_effect":
+        return answer.verdict == "no_gap"
+    return answer.names and truth.effects in answer.sets
+
+
+def right_first(truth: Truth, answer: Answer) -> bool:
+    """Whether its first explanation is the truth; `unknown` or fair, where that is missing."""
+    if truth.kind == "no_effect":
+        return answer.top == NONE
+    if truth.is_missing:
+        return answer.top == UNKNOWN or truth.fair(answer.top)
+    return answer.top == truth.effects
+
+
+def right_stage(truth: Truth, answer: Answer) -> bool:
+    """Whether it puts most of the gap where the effect is; of two, where either is."""
+    return answer.stage in truth.stages
+
+
+def wrong_name(truth: Truth, answer: Answer) -> bool:
+    """Whether it is sure of a cause that is not at work."""
+    return answer.verdict == "cause" and not truth.fair(answer.sets[0])
+
+
+def abstained(_: Truth, answer: Answer) -> bool:
+    """Whether it said that it does not know."""
+    return answer.verdict == "unknown"
+
+
+def fair_or_unknown(truth: Truth, answer: Answer) -> bool:
+    """Whether it said that it does not know, or named nothing but fair answers."""
+    return abstained(truth, answer) or (answer.names and all(map(truth.fair, answer.sets)))
+
+
+def one_named(truth: Truth, answer: Answer) -> bool:
+    """Whether at least one of the effects is in its sets."""
+    return any(truth.effects & named for named in answer.sets)
+
+
+def share_of(question: Question, *, known_stage: bool = False) -> Measure:
+    """Make the measure that is the share of cases where the answer to `question` is yes."""
+
+    def measure(outcomes: Sequence[Outcome]) -> Estimate:
+        return rate(
+            [
+                question(outcome.truth, outcome.answer)
+                for outcome in outcomes
+                if outcome.truth.stages or not known_stage
+            ]
+        )
+
+    return measure
+
+
+def set_count(outcomes: Sequence[Outcome]) -> Estimate:
+    """Mean number of sets of the answers that name any."""
+    return mean([float(len(o.answer.sets)) for o in outcomes if o.answer.names])
+
+
+def calibrated(outcomes: Sequence[Outcome]) -> Calibration:
+    """How well the probability of the most probable explanation is calibrated."""
+    return calibration(
+        [outcome.answer.probability for outcome in outcomes],
+        [right_first(outcome.truth, outcome.answer) for outcome in outcomes],
+    )
+
+
+def fraction_closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
+    """Share of the gap that a model closes: 1 - (after² - floor²) / (before² - floor²)."""
+    return 1.0 - (after_deg**2 - floor_deg**2) / (before_deg**2 - floor_deg**2)
+
+
+@dataclass(frozen=True)
+class ShrinkPoint:
+    """One case's shrink: claimed with its interval, and what the unseen trials say."""
+
+    case: str
+    kind: str
+    size: float | None
+    claimed: float
+    low: float
+    high: float
+    realised: float
+    refit: float
+
+    @property
+    def close(self) -> bool:
+        """Whether the claim is within `SHRINK_TOLERANCE` of what is realised."""
+        return abs(self.claimed - self.realised) <= SHRINK_TOLERANCE
+
+    @property
+    def covered(self) -> bool:
+        """Whether the claimed interval holds what is realised."""
+        return self.low <= self.realised <= self.high
+
+
+def shrink_points(outcomes: Sequence[Outcome]) -> tuple[ShrinkPoint, ...]:
+    """List the claimed shrinks, where the gap on the unseen trials is clear of the floor."""
+    points = []
+    for outcome in outcomes:
+        truth, claim, seen = outcome.truth, outcome.answer.claim, outcome.realised
+        floor = truth.noise_floor_deg
+        if claim is None or seen is None or seen.before_deg < _CLEAR * floor:
+            continue
+        points.append(
+            ShrinkPoint(
+                case=truth.case,
+                kind=truth.kind,
+                size=truth.size,
+                claimed=claim.fraction_closed,
+                low=claim.low,
+                high=claim.high,
+                realised=fraction_closed(seen.before_deg, seen.after_deg, floor),
+                refit=fraction_closed(seen.before_deg, seen.refit_deg, floor),
+            )
+        )
+    return tuple(points)
+
+
+def claims_close(outcomes: Sequence[Outcome]) -> Estimate:
+    """Share of claimed shrinks within `SHRINK_TOLERANCE` of what is realised."""
+    return rate([point.close for point in shrink_points(outcomes)])
+
+
+def claims_cover(outcomes: Sequence[Outcome]) -> Estimate:
+    """Share of claimed shrinks whose interval holds what is realised."""
+    return rate([point.covered for point in shrink_points(outcomes)])
+
+
+MEASURES: Mapping[str, Measure] = {
+    "found": share_of(found),
+    "in_sets": share_of(in_sets),
+    "sets": set_count,
+    "right_first": share_of(right_first),
+    "right_stage": share_of(right_stage, known_stage=True),
+    "wrong_name": share_of(wrong_name),
+    "unknown": share_of(abstained),
+    "fair_or_unknown": share_of(fair_or_unknown),
+    "one_named": share_of(one_named),
+    "ece": lambda outcomes: calibrated(outcomes).ece,
+    "shrink_close": claims_close,
+    "shrink_covered": claims_cover,
+}

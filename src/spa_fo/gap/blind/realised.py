@@ -1,0 +1,56 @@
+"""What a diagnosis is worth on trials nobody has seen: the campaign that continues the case's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from spa_fo.gap.blind.records import Realised
+from spa_fo.identify import fit_campaign, predict_campaign
+from spa_fo.plant import Model, read_model
+from spa_fo.rig import CampaignData, read_campaign, read_trials
+
+_FEWEST_RESAMPLES = 10  # of the fit's uncertainty, which is of no use here
+
+
+def campaign_data(folder: Path) -> CampaignData:
+    """Read a campaign's trials."""
+    return read_trials(read_campaign(folder))
+
+
+def fitted_model(data: CampaignData, seed: int) -> Model:
+    """Identify the plain model of a campaign."""
+    return fit_campaign(data, seed=seed, bootstrap=_FEWEST_RESAMPLES).model
+
+
+def rmse_deg(model: Model, data: CampaignData) -> float:
+    """RMS error of a model over all samples of all trials, deg."""
+    table = predict_campaign(model, data)
+    return float(np.sqrt(np.mean((table["angle_deg"] - table["predicted_deg"]) ** 2)))
+
+
+def realise(case: Path, plain: Path, augmented: Path, seed: int) -> Realised:
+    """Run three models on the unseen trials of a case.
+
+    Parameters
+    ----------
+    case : Path
+        Folder of the case: ``campaign/`` is what the diagnosis saw, ``later/`` what it did not.
+    plain, augmented : Path
+        The judged model, and the one that the diagnosis wrote.
+    seed : int
+        Of the third, the plain model identified again on ``campaign/``.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be read or used.
+    """
+    unseen = campaign_data(case / "later")
+    refitted = fitted_model(campaign_data(case / "campaign"), seed)
+    return Realised(
+        before_deg=rmse_deg(read_model(plain), unseen),
+        after_deg=rmse_deg(read_model(augmented), unseen),
+        refit_deg=rmse_deg(refitted, unseen),
+    )
