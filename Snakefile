@@ -1,5 +1,5 @@
 # From raw serial logs to the paper's tables and figures. Read the rules in this order:
-# raw_to_angle -> identify -> ablation -> publish.
+# raw_to_angle -> identify -> ablation -> publish; blind stands beside them.
 from snakemake.utils import min_version
 
 min_version("9.0")
@@ -13,6 +13,7 @@ include: "workflow/rules/raw_to_angle.smk"
 include: "workflow/rules/identify.smk"
 include: "workflow/rules/ablation.smk"
 include: "workflow/rules/publish.smk"
+include: "workflow/rules/blind.smk"
 
 
 rule all:

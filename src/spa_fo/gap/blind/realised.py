@@ -24,9 +24,9 @@ def fitted_model(data: CampaignData, seed: int) -> Model:
     return fit_campaign(data, seed=seed, bootstrap=_FEWEST_RESAMPLES).model
 
 
-def rmse_deg(model: Model, data: CampaignData) -> float:
-    """RMS error of a model over all samples of all trials, deg."""
-    table = predict_campaign(model, data)
+def rmse_deg(model: Model, data: CampaignData, source: Path | str = "model") -> float:
+    """RMS error of a model over all samples of all trials, deg; `source` is for messages."""
+    table = predict_campaign(model, data, source)
     return float(np.sqrt(np.mean((table["angle_deg"] - table["predicted_deg"]) ** 2)))
 
 
@@ -50,7 +50,7 @@ def realise(case: Path, plain: Path, augmented: Path, seed: int) -> Realised:
     unseen = campaign_data(case / "later")
     refitted = fitted_model(campaign_data(case / "campaign"), seed)
     return Realised(
-        before_deg=rmse_deg(read_model(plain), unseen),
-        after_deg=rmse_deg(read_model(augmented), unseen),
+        before_deg=rmse_deg(read_model(plain), unseen, plain),
+        after_deg=rmse_deg(read_model(augmented), unseen, augmented),
         refit_deg=rmse_deg(refitted, unseen),
     )

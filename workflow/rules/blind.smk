@@ -1,0 +1,155 @@
+# The blind benchmark (`snakemake -c2 blind`): campaigns with a known cause, sealed; diagnoses that
+# cannot see it; then the seals are opened and the answers judged. Batches share a start-up.
+BLIND = RESULTS / "blind"
+BATCHES = [f"batch_{number:02d}" for number in range(CONFIG["blind"]["batches"])]
+
+
+wildcard_constraints:
+    batch=r"batch_\d+",
+
+
+def of_each_batch(path):
+    return expand(path, batch=BATCHES)
+
+
+rule blind:
+    """The blind benchmark, judged."""
+    input:
+        BLIND / "table.md",
+
+
+rule blind_cases:
+    """A share of the cases: what the diagnosis may see, and apart from it the labels."""
+    output:
+        cases=directory(BLIND / "cases" / "{batch}"),
+        labels=directory(BLIND / "labels" / "{batch}"),
+    log:
+        RESULTS / "logs" / "blind" / "{batch}_cases.log",
+    conda:
+        "../envs/spa-fo.yaml"
+    params:
+        plan=CONFIG["blind"],
+        share=lambda wildcards: BATCHES.index(wildcards.batch),
+        code=code("blind_cases.py"),
+    script:
+        "../scripts/blind_cases.py"
+
+
+rule blind_seals:
+    """The hash of every label, together, before the first diagnosis."""
+    input:
+        of_each_batch(BLIND / "cases" / "{batch}"),
+    output:
+        BLIND / "seals.txt",
+    log:
+        RESULTS / "logs" / "blind" / "seals.log",
+    conda:
+        "../envs/spa-fo.yaml"
+    params:
+        code=code("blind_seals.py"),
+    script:
+        "../scripts/blind_seals.py"
+
+
+rule blind_diagnose:
+    """Diagnose a share of the cases: campaign, model, effects to withhold, and nothing else."""
+    input:
+        cases=rules.blind_cases.output.cases,
+        seals=rules.blind_seals.output,
+    output:
+        directory(BLIND / "diagnoses" / "{batch}"),
+    log:
+        RESULTS / "logs" / "blind" / "{batch}_diagnose.log",
+    conda:
+        "../envs/spa-fo.yaml"
+    params:
+        seed=CONFIG["seed"],
+        code=code("blind_diagnose.py"),
+    script:
+        "../scripts/blind_diagnose.py"
+
+
+rule blind_realise:
+    """What the diagnoses' models are worth on each case's unseen trials."""
+    input:
+        cases=rules.blind_cases.output.cases,
+        diagnoses=rules.blind_diagnose.output,
+    output:
+        BLIND / "realised" / "{batch}.json",
+    log:
+        RESULTS / "logs" / "blind" / "{batch}_realise.log",
+    conda:
+        "../envs/spa-fo.yaml"
+    params:
+        seed=CONFIG["seed"],
+        code=code("blind_realise.py"),
+    script:
+        "../scripts/blind_realise.py"
+
+
+rule blind_unseal:
+    """Open the labels, if they are what was sealed before any of the diagnoses."""
+    input:
+        seals=rules.blind_seals.output,
+        labels=of_each_batch(BLIND / "labels" / "{batch}"),
+        diagnoses=of_each_batch(BLIND / "diagnoses" / "{batch}"),
+    output:
+        BLIND / "labels.json",
+    log:
+        RESULTS / "logs" / "blind" / "unseal.log",
+    conda:
+        "../envs/spa-fo.yaml"
+    params:
+        code=code("blind_unseal.py"),
+    script:
+        "../scripts/blind_unseal.py"
+
+
+rule blind_score:
+    """Judge the answers."""
+    input:
+        labels=rules.blind_unseal.output,
+        diagnoses=of_each_batch(BLIND / "diagnoses" / "{batch}"),
+        realised=of_each_batch(BLIND / "realised" / "{batch}.json"),
+    output:
+        BLIND / "scores.json",
+    log:
+        RESULTS / "logs" / "blind" / "score.log",
+    conda:
+        "../envs/spa-fo.yaml"
+    params:
+        code=code("blind_score.py"),
+    script:
+        "../scripts/blind_score.py"
+
+
+rule blind_publish:
+    """The tables, the worst class first, and the figures."""
+    input:
+        rules.blind_score.output,
+    output:
+        table=BLIND / "table.md",
+        tables=multiext(
+            f"{BLIND}/",
+            *(
+                f"{name}.{suffix}"
+                for name in ("marks", "per_effect", "arms")
+                for suffix in ("csv", "tex", "md")
+            ),
+        ),
+        figures=multiext(
+            f"{BLIND}/",
+            *(
+                f"{name}.{suffix}"
+                for name in ("confusion", "calibration", "size_curve", "shrink")
+                for suffix in ("pdf", "png")
+            ),
+        ),
+    log:
+        RESULTS / "logs" / "blind" / "publish.log",
+    conda:
+        "../envs/spa-fo.yaml"
+    params:
+        code=code("blind_publish.py"),
+    script:
+        "../scripts/blind_publish.py"

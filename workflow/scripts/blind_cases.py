@@ -1,0 +1,19 @@
+"""One share of the blind benchmark's cases; every batch has its own file of seals."""
+
+from pathlib import Path
+
+from spa_fo.edge import workflow_step
+from spa_fo.errors import BadInput
+from spa_fo.virtual_rig.blind_cases import plan_cases, write_cases
+
+with workflow_step(snakemake.log[0], snakemake.threads):
+    plan = dict(snakemake.params.plan)
+    batches = plan.pop("batches")
+    try:
+        cases = plan_cases(plan)
+    except ValueError as error:
+        raise BadInput("config.yaml", str(error), "blind") from error
+    folder, labels = Path(snakemake.output.cases), Path(snakemake.output.labels)
+    folder.mkdir(parents=True, exist_ok=True)
+    labels.mkdir(parents=True, exist_ok=True)
+    write_cases(cases[snakemake.params.share :: batches], folder, labels)

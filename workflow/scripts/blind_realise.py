@@ -1,0 +1,30 @@
+"""Errors of the plain, the augmented and the refitted model on the unseen trials of each case."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from spa_fo.atomic import write_text
+from spa_fo.edge import workflow_step
+from spa_fo.gap.blind.realised import realise
+
+
+def judged_model(case, out):
+    given = case / "model.json"
+    return given if given.is_file() else out / "model.json"
+
+
+with workflow_step(snakemake.log[0], snakemake.threads):
+    cases, diagnoses = Path(snakemake.input.cases), Path(snakemake.input.diagnoses[0])
+    realised = {
+        case.name: asdict(
+            realise(
+                case,
+                judged_model(case, diagnoses / case.name),
+                diagnoses / case.name / "augmented_model.json",
+                snakemake.params.seed,
+            )
+        )
+        for case in sorted(cases.glob("case_*"))
+    }
+    write_text(snakemake.output[0], json.dumps(realised, indent=1, allow_nan=False) + "\n")
