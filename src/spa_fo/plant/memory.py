@@ -125,7 +125,7 @@ def mode_weights(
 def _less_pole(x: Floats, s: complex, angle: float, pole: complex, residue: complex) -> complex:
     """G(s) without its pole and the pole's conjugate; `angle` is that of s."""
     log_s = complex(math.log(abs(s)), angle)
-    g = complex(x[4]) / (cexp(x[0] * log_s) + x[2] * cexp(x[1] * log_s) + x[3])
+    g: complex = x[4] / (cexp(x[0] * log_s) + x[2] * cexp(x[1] * log_s) + x[3])
     if residue != 0j:
         g -= residue / (s - pole) + residue.conjugate() / (s - pole.conjugate())
     return g
