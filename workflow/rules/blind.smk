@@ -1,15 +1,9 @@
 # The blind benchmark (`snakemake -c2 blind`): campaigns with a known cause, sealed; diagnoses that
 # cannot see it; then the seals are opened and the answers judged. Batches share a start-up.
-BLIND = RESULTS / "blind"
-BATCHES = [f"batch_{number:02d}" for number in range(CONFIG["blind"]["batches"])]
 
 
 wildcard_constraints:
     batch=r"batch_\d+",
-
-
-def of_each_batch(path):
-    return expand(path, batch=BATCHES)
 
 
 rule blind:
@@ -38,7 +32,7 @@ rule blind_cases:
 rule blind_seals:
     """The hash of every label, together, before the first diagnosis."""
     input:
-        of_each_batch(BLIND / "cases" / "{batch}"),
+        of_each_batch("cases/{batch}"),
     output:
         BLIND / "seals.txt",
     log:
@@ -91,8 +85,8 @@ rule blind_unseal:
     """Open the labels, if they are what was sealed before any of the diagnoses."""
     input:
         seals=rules.blind_seals.output,
-        labels=of_each_batch(BLIND / "labels" / "{batch}"),
-        diagnoses=of_each_batch(BLIND / "diagnoses" / "{batch}"),
+        labels=of_each_batch("labels/{batch}"),
+        diagnoses=of_each_batch("diagnoses/{batch}"),
     output:
         BLIND / "labels.json",
     log:
@@ -109,8 +103,8 @@ rule blind_score:
     """Judge the answers."""
     input:
         labels=rules.blind_unseal.output,
-        diagnoses=of_each_batch(BLIND / "diagnoses" / "{batch}"),
-        realised=of_each_batch(BLIND / "realised" / "{batch}.json"),
+        diagnoses=of_each_batch("diagnoses/{batch}"),
+        realised=of_each_batch("realised/{batch}.json"),
     output:
         BLIND / "scores.json",
     log:
@@ -118,6 +112,7 @@ rule blind_score:
     conda:
         "../envs/spa-fo.yaml"
     params:
+        plan=CONFIG["blind"],
         code=code("blind_score.py"),
     script:
         "../scripts/blind_score.py"

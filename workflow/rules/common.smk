@@ -22,6 +22,8 @@ with bad_input_exits():
 RAW = Path(CONFIG["raw"])
 RESULTS = Path(CONFIG["results"])
 MATERIALS = list(CONFIG["materials"])
+BLIND = RESULTS / "blind"
+BATCHES = [f"batch_{number:02d}" for number in range(CONFIG["blind"]["batches"])]
 
 
 onstart:
@@ -52,3 +54,7 @@ def code(name):
 
 def of_each_material(name):
     return expand(RESULTS / "{material}" / name, material=MATERIALS)
+
+
+def of_each_batch(path):
+    return expand(BLIND / path, batch=BATCHES)

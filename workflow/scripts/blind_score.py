@@ -38,5 +38,5 @@ with workflow_step(snakemake.log[0], snakemake.threads):
         for folder, file in zip(snakemake.input.diagnoses, snakemake.input.realised, strict=True)
         for outcome in outcomes(labels, folder, load(file))
     ]
-    document = score(judged).to_dict()
+    document = score(judged).to_dict() | {"benchmark": dict(snakemake.params.plan)}
     write_text(snakemake.output[0], json.dumps(document, indent=1, allow_nan=False) + "\n")

@@ -313,7 +313,7 @@ def score(outcomes: Sequence[Outcome]) -> Scores:
     shrink = shrink_points(outcomes)
     return Scores(
         cases=len(outcomes),
-        kinds=Counter(o.truth.kind for o in outcomes),
+        kinds=dict(Counter(o.truth.kind for o in outcomes)),
         short=sum(o.truth.short for o in outcomes),
         marks=marks(outcomes),
         effects=effect_scores(outcomes),
