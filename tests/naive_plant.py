@@ -1,0 +1,156 @@
+"""Plain slow twins of the effects' kernels: loops at a millisecond, and convolution sums."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from spa_fo import step_response
+
+MS = 1e-3
+
+
+def delay(signal, seconds):
+    late = round(seconds / MS)
+    return np.concatenate([np.zeros(late), signal[: signal.size - late]])
+
+
+def low_pass(signal, time_constant):
+    """Means over each millisecond."""
+    out, now = [], 0.0
+    for value in signal:
+        before = now
+        now += (value - now) * (1.0 - math.exp(-MS / time_constant))
+        out.append(0.5 * (before + now))
+    return np.array(out)
+
+
+def play(signal, width, centre):
+    out, position = [], 0.0
+    for value in signal:
+        if position < value - width * (1.0 - centre):
+            position = value - width * (1.0 - centre)
+        if position > value + width * centre:
+            position = value + width * centre
+        out.append(position)
+    return np.array(out)
+
+
+def slew(signal, rise, ratio, approach):
+    out, now = [], 0.0
+    for value in signal:
+        wanted = (value - now) / approach
+        now += MS * min(max(wanted, -rise * ratio), rise)
+        out.append(now)
+    return np.array(out)
+
+
+def droop(signal, fraction, recovery, slow_share):
+    out, before, quick, slow = [], 0.0, 0.0, 0.0
+    for value in signal:
+        rise = max(value - before, 0.0)
+        before = value
+        quick += fraction * (1.0 - slow_share) * rise - MS * quick / recovery
+        slow += fraction * slow_share * rise - MS * slow / (5.0 * recovery)
+        if quick + slow > max(value, 0.0):
+            shrink = max(value, 0.0) / (quick + slow)
+            quick, slow = quick * shrink, slow * shrink
+        out.append(value - quick - slow)
+    return np.array(out)
+
+
+def leak(signal, rate, makeup):
+    out, lost = [], 0.0
+    for value in signal:
+        lost += MS * (rate * max(value - lost, 0.0) - makeup * lost)
+        lost = min(lost, max(value, 0.0))
+        out.append(value - lost)
+    return np.array(out)
+
+
+def creep(signal, per_decade, tilt, step):
+    """Eight retarded elements, two a decade from 0.56 s, each after its own exponential."""
+    total = np.zeros(signal.size)
+    for number in range(8):
+        time_constant = 10.0 ** (-0.25 + 0.5 * number)
+        size = 0.5 * per_decade * tilt ** (math.log10(time_constant) - 1.0)
+        now, own = 0.0, []
+        for value in signal:
+            now += (size * value - now) * -math.expm1(-step / time_constant)
+            own.append(now)
+        total += own
+    return total
+
+
+def duhem(angle, width, turn):
+    """Lag of the film behind the angle: w' = (sign(θ') - w) |θ'| / turn, finely stepped."""
+    out, state, before = [], 0.0, 0.0
+    for value in angle:
+        for part in np.full(200, (value - before) / 200.0):
+            state += (math.copysign(1.0, part) - state) * abs(part) / turn if part else 0.0
+        before = value
+        out.append(value - 0.5 * width * state)
+    return np.array(out)
+
+
+def curve(angle, knots, errors):
+    """Piecewise straight error of a curve, as steep beyond its ends as at them."""
+    error = np.interp(angle, knots, errors)
+    first = (errors[1] - errors[0]) / (knots[1] - knots[0])
+    last = (errors[-1] - errors[-2]) / (knots[-1] - knots[-2])
+    error = np.where(angle < knots[0], errors[0] + first * (angle - knots[0]), error)
+    return angle + np.where(angle > knots[-1], errors[-1] + last * (angle - knots[-1]), error)
+
+
+class Spring:
+    """A moment (rad) that depends on the angle alone."""
+
+    def __init__(self, law):
+        self.law = law
+
+    def moment(self, before, after):
+        return self.law(0.5 * (before + after))
+
+    def accept(self, before, after):
+        pass
+
+
+class Friction:
+    """Four elastic stops in parallel, one after another sliding: Prandtl and Ishlinskii."""
+
+    def __init__(self, size, turn):
+        self.size = size
+        self.radius = turn * np.arange(1, 5) / 4.0
+        self.state = np.zeros(4)
+
+    def _moved(self, distance):
+        return np.clip(self.state + distance / self.radius, -1.0, 1.0)
+
+    def moment(self, before, after):
+        return self.size * float(np.mean(self._moved(0.5 * (after - before))))
+
+    def accept(self, before, after):
+        self.state = self._moved(after - before)
+
+
+def loop(load, step, x, law):
+    """Angle (rad) at the end of equal steps, G in a loop with a further moment.
+
+    The fractional memory is a sum over all earlier steps; the moment is iterated to its fixed
+    point.
+    """
+    static = x[4] / x[3]
+    pulse = np.diff(step_response(step * np.arange(load.size + 1), *x))
+    out, v = [0.0], np.zeros(load.size)
+    for i in range(load.size):
+        free = float(pulse[i:0:-1] @ v[:i])
+        angle = out[-1]
+        for _ in range(100):
+            v[i] = load[i] - law.moment(out[-1], angle) / static
+            before, angle = angle, free + pulse[0] * v[i]
+            if abs(angle - before) < 1e-12:
+                break
+        law.accept(out[-1], angle)
+        out.append(angle)
+    return np.array(out[1:])

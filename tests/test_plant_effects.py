@@ -1,0 +1,653 @@
+"""The simulator with effects: each kernel against its plain twin, and against its physics."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+import naive_plant as naive
+from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, triangle, vector
+from spa_fo import simulate, step_response
+from spa_fo.errors import BadInput
+from spa_fo.plant.chain import Chain, Memory, chain_for
+from spa_fo.plant.effects.drive import drive_pressure
+from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, IDS, LIBRARY, absent, stage_of, switches
+from spa_fo.plant.effects.sensor import read_angle
+from spa_fo.plant.grid import CampaignGrid, campaign_grid
+from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S, contour_for
+from spa_fo.rig import Trial
+
+CELL = 20  # milliseconds
+
+
+def chain(own: tuple[Trial, ...], x: np.ndarray = X, longest: int = 0) -> Chain:
+    return chain_for(campaign_grid(own, longest=longest), x, KPA)
+
+
+def angles(
+    own: tuple[Trial, ...], effects: np.ndarray, x: np.ndarray = X, longest: int = 0
+) -> list[np.ndarray]:
+    """Simulate trials: the reading at every sample of each, in degrees."""
+    c = chain(own, x, longest)
+    reading, _ = c.readings(x, effects)
+    return [
+        c.logged(reading, effects, *c.grid.locate(i, t.t_s), np.full(t.t_s.size, i))
+        for i, t in enumerate(c.grid.trials)
+    ]
+
+
+def pressure(command: np.ndarray, effects: np.ndarray) -> np.ndarray:
+    """Drive one trial: mean pressure over cells, kPa."""
+    return drive_pressure(command, np.array([0, command.size]), effects, np.zeros(2))
+
+
+def jerky() -> np.ndarray:
+    """Rise, further rise, partial fall, ramp and release: the command on cells, kPa."""
+    levels = np.repeat([0.0, 20.0, 50.0, 30.0], 60)
+    return np.concatenate([levels, np.linspace(30.0, 55.0, 100), np.full(40, 55.0), np.zeros(120)])
+
+
+# --- command -> pressure ---------------------------------------------------------------------
+
+DRIVES = {
+    "dead_time": lambda s, p: naive.delay(s, p["delay_s"]),
+    "line_lag": lambda s, p: naive.low_pass(
+        naive.low_pass(s, p["time_constant_s"] * (1.0 - p["second_pole"])),
+        p["time_constant_s"] * p["second_pole"],
+    ),
+    "supply_droop": lambda s, p: naive.droop(s, p["fraction"], p["recovery_s"], p["slow_share"]),
+    "leak": lambda s, p: naive.leak(s, p["rate_per_s"], p["makeup_per_s"]),
+    "slew_limit": lambda s, p: naive.slew(s, p["rise_kpa_s"], p["fall_ratio"], p["approach_s"]),
+    "drive_backlash": lambda s, p: naive.play(s, p["play_kpa"], p["centre"]),
+}
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_a_drive_effect_against_a_loop_of_milliseconds(name: str) -> None:
+    slow = DRIVES[name](np.repeat(jerky(), CELL), parameters(name)).reshape(-1, CELL).mean(axis=1)
+    found = pressure(jerky(), vector(name))
+    assert np.abs(slow - jerky()).max() > 0.5
+    np.testing.assert_allclose(found, slow, atol=0.12)
+
+
+def test_drive_effects_act_together() -> None:
+    effects = absent()
+    slow = np.repeat(jerky(), CELL)
+    for name in ("dead_time", "drive_backlash", "slew_limit", "line_lag", "leak"):
+        # Whole cells: a jump within a cell is a slope to the pump's limited rate.
+        changes = {"delay_s": 0.14} if name == "dead_time" else {}
+        effects[LIBRARY[name].slots] = vector(name, **changes)[LIBRARY[name].slots]
+        slow = DRIVES[name](slow, parameters(name, **changes))
+    found = pressure(jerky(), effects)
+    np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)
+
+
+def test_a_pump_with_play_starts_the_next_trial_where_it_stopped() -> None:
+    one, command, play = np.array([0.0, 30.0, 0.0, 0.0]), np.zeros(2), np.zeros(2)
+    effects = vector("drive_backlash", play_kpa=4.0, centre=0.25)
+    first = drive_pressure(one, np.array([0, 4]), effects, play)
+    assert first.tolist() == [0.0, 27.0, 1.0, 1.0]
+    assert drive_pressure(command, np.array([0, 2]), effects, play).tolist() == [1.0, 1.0]
+
+
+# --- pressure -> angle -----------------------------------------------------------------------
+
+LINEAR = {
+    "design 1": (*X,),
+    "order below 1": (0.8, 0.5, 0.7, 1.6, 0.9),
+    "low order": (0.35, 0.15, 0.1, 2.3, 2.3),
+    "nearly no damping": (1.6, 0.9, 1e-4, 2.0, 1.0),
+    "lively": (1.95, 1.0, 0.1, 9.0, 5.0),
+    "small lower order": (1.2, 0.03, 0.6, 1.5, 0.9),
+    "pole near the cut": (1.9153, 0.8858, 1.4102, 0.2061, 0.2061),
+    "pole near the cut, fast": (1.9858, 0.8334, 100.6, 47.21, 47.21),
+    "slow pole near the cut": (1.4741, 1.0009, 10.19, 0.236, 0.236),
+    "no pole": (1.0332, 0.9759, 14.74, 0.3477, 0.3477),
+    "equal orders nearly": (1.3, 1.299, 1.0, 1.0, 1.0),
+}
+
+
+def modal_step(x: np.ndarray, level: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
+    """Unit-step response (rad) at the end of steps of these levels, by the simulator's modes."""
+    command = np.full(8, KPA)
+    grid = campaign_grid(trials(command))
+    starts = np.cumsum(np.concatenate([[0], 2**level]))
+    grid = replace(
+        grid,
+        level=level,
+        first_cell=starts[:-1],
+        cells=2**level,
+        middle_s=np.zeros(level.size),
+        cell_starts=np.array([0, starts[-1]]),
+    )
+    c = chain_for(replace(grid, command_kpa=np.full(starts[-1], KPA)), x, KPA)
+    c = c if given is None else replace(c, contour=contour_for(given))
+    return np.radians(c.readings(x, absent())[0])
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_the_modes_are_the_transfer_function(name: str) -> None:
+    """Within 0.2 % of the static gain from 20 ms to an hour."""
+    x = np.array(LINEAR[name])
+    level = np.repeat([0, 1, 3, 6, 9, 12], [50, 50, 50, 20, 10, 40])
+    t = np.cumsum(STEPS_S[level])
+    np.testing.assert_allclose(
+        modal_step(x, level), step_response(t, *x), atol=2.0e-3 * x[4] / x[3]
+    )
+
+
+@given(
+    alpha2=st.floats(0.3, 1.98),
+    share=st.floats(0.05, 0.98),
+    frequency=st.floats(math.log(0.3), math.log(15.0)),
+    damping=st.floats(math.log(0.02), math.log(20.0)),
+)
+@settings(max_examples=60, deadline=None)
+def test_the_modes_are_the_transfer_function_anywhere(
+    alpha2: float, share: float, frequency: float, damping: float
+) -> None:
+    a0 = math.exp(frequency * alpha2)
+    a1 = math.exp(damping) * a0 / math.exp(frequency * alpha2 * share)
+    x = np.array([alpha2, alpha2 * share, a1, a0, a0])
+    level = np.repeat([0, 1, 3, 6], [50, 50, 50, 20])
+    t = np.cumsum(STEPS_S[level])
+    np.testing.assert_allclose(modal_step(x, level), step_response(t, *x), atol=4e-3)
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.7])
+def test_a_contour_serves_neighbouring_coefficients(factor: float) -> None:
+    """A fit keeps the contour of its start: the pole may come near it or cross it."""
+    x = X * np.array([1.0, 1.0, factor, 1.0 / factor, 1.0])
+    level = np.repeat([0, 2], [100, 100])
+    expected = step_response(np.cumsum(STEPS_S[level]), *x)
+    np.testing.assert_allclose(modal_step(x, level, X), expected, atol=2e-3 * x[4] / x[3])
+
+
+@pytest.mark.parametrize(("longest", "tolerance_deg"), [(0, 0.02), (4, 0.4)])
+def test_without_effects_it_is_the_linear_model(longest: int, tolerance_deg: float) -> None:
+    own = trials(step_release(), triangle(), step_release(0.5 * SIXTY))
+    for found, t in zip(angles(own, absent(), longest=longest), own, strict=True):
+        assert t.command_kpa is not None
+        linear = np.degrees(simulate(t.t_s, t.command_kpa / KPA, *X, hold="zero"))
+        # Held commands, and times that are whole cells: what is left is the modes' and the steps'.
+        np.testing.assert_allclose(found, linear, atol=tolerance_deg)
+
+
+STEP_S = 0.01
+REFERENCE = math.radians(60.0)
+
+
+def stop(angle: float, p: dict[str, float]) -> float:
+    beyond = max(angle - math.radians(p["angle_deg"]), 0.0)
+    return p["stiffness"] * beyond**2 / (beyond + math.radians(p["softness_deg"]))
+
+
+LAWS = {
+    "stiffening": lambda p: naive.Spring(
+        lambda a: p["fraction_at_60deg"] * (abs(a) / REFERENCE) ** p["exponent"] * a
+    ),
+    "gravity_load": lambda p: naive.Spring(
+        lambda a: p["along_rest"] * math.sin(a) + p["across_rest"] * (1.0 - math.cos(a))
+    ),
+    "contact_stop": lambda p: naive.Spring(lambda a: stop(a, p)),
+    "hysteresis": lambda p: naive.Friction(
+        math.radians(p["moment_deg"]), math.radians(p["turn_deg"])
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_moment_in_the_loop_against_a_convolution(name: str) -> None:
+    command = step_release()
+    load = np.repeat(command, 2) / KPA
+    slow = np.degrees(naive.loop(load, STEP_S, X, LAWS[name](parameters(name))))
+    own = trials(command)
+    found, plain = angles(own, vector(name))[0], angles(own, absent())[0]
+    assert np.abs(found - plain).max() > 2.0
+    np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
+
+
+def test_moments_act_together() -> None:
+    effects = vector("stiffening")
+    effects[LIBRARY["gravity_load"].slots] = vector("gravity_load")[LIBRARY["gravity_load"].slots]
+    stiff, heavy = (
+        LAWS["stiffening"](parameters("stiffening")),
+        LAWS["gravity_load"](parameters("gravity_load")),
+    )
+    both = naive.Spring(lambda a: stiff.law(a) + heavy.law(a))
+    command = step_release()
+    slow = np.degrees(naive.loop(np.repeat(command, 2) / KPA, STEP_S, X, both))
+    found = angles(trials(command), effects)[0]
+    np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
+
+
+def test_creep_against_a_loop() -> None:
+    own = trials(step_release())
+    assert own[0].command_kpa is not None
+    static = X[4] / X[3]
+    load = np.repeat(own[0].command_kpa, 2) / KPA
+    p = parameters("creep")
+    slow = np.degrees(naive.creep(static * load, p["per_decade"], p["tilt"], STEP_S))
+    crept = angles(own, vector("creep"))[0] - angles(own, absent())[0]
+    assert crept.max() > 2.0
+    np.testing.assert_allclose(crept[1:], slow[1::2][: crept.size - 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("fading", [0.0, 0.5])
+def test_drift_is_a_gain_of_campaign_time(fading: float) -> None:
+    effects = vector("thermal_drift", per_hour=0.5, fading_per_hour=fading)
+    late = trials(step_release(), first_s=7200.0)
+    hours = 7203.0 / 3600.0
+    gain = 1.0 + 0.5 * (hours if fading == 0.0 else -math.expm1(-fading * hours) / fading)
+    found, plain = angles(late, effects)[0], angles(late, absent())[0]
+    held = slice(150, 220)
+    np.testing.assert_allclose(found[held] / plain[held], gain, rtol=1e-3)
+
+
+def test_softening_goes_by_what_was_reached() -> None:
+    """The first loading is stiffest, it ends after some, and higher ones find virgin rubber."""
+    high, low = step_release(), step_release(0.5 * SIXTY)
+    effects = vector("mullins_softening")
+    own = trials(high, high, high, high, high, high, high, high)
+    settled = np.array([found[200] for found in angles(own, effects)])
+    gains = np.diff(settled)
+    assert (gains > 0.0).all()
+    assert gains[-1] < 0.5 * gains[0]
+    assert settled[-1] < angles(own, absent())[-1][200]
+
+    after_low = angles(trials(low, low, low, high), effects)[-1][200]
+    after_high = angles(trials(high, high, high, high), effects)[-1][200]
+    assert settled[0] < after_low < after_high
+
+
+def test_softening_is_kept_over_a_rest_and_virgin_shares_only_fall() -> None:
+    c = chain(trials(step_release(), step_release()))
+    _, memory = c.readings(X, vector("mullins_softening"))
+    assert (memory.virgin <= 1.0).all()
+    assert memory.virgin[0] < memory.virgin[-1] == 1.0  # 85 degrees were never reached
+
+
+# --- angle -> reading ------------------------------------------------------------------------
+
+
+def bending() -> np.ndarray:
+    """An angle that rises, hesitates, falls below zero and comes back, on steps of 20 ms (deg)."""
+    t = FINEST_STEP_S * np.arange(1, 501)
+    return 80.0 * np.sin(0.5 * t) ** 2 * (1.0 - 0.12 * t) + 3.0 * np.sin(4.0 * t)
+
+
+def read(angle: np.ndarray, effects: np.ndarray) -> np.ndarray:
+    return read_angle(angle, np.zeros(angle.size, dtype=np.int64), effects, Memory().film)
+
+
+def low_passed(angle: np.ndarray, p: dict[str, float]) -> np.ndarray:
+    fine = np.interp(
+        np.arange(1, CELL * angle.size + 1) / CELL, np.arange(angle.size + 1), [0.0, *angle]
+    )
+    for share in (1.0 - p["second_pole"], p["second_pole"]):
+        fine = naive.low_pass(fine, p["time_constant_s"] * share)
+    return fine[CELL - 1 :: CELL]
+
+
+def curve_errors(p: dict[str, float]) -> list[float]:
+    errors = list(p.values())
+    errors.insert(CURVE_KNOTS_DEG.index(0.0), 0.0)
+    return errors
+
+
+SENSORS = {
+    "sensor_nonlinearity": lambda y, p: naive.curve(y, CURVE_KNOTS_DEG, curve_errors(p)),
+    "sensor_saturation": lambda y, p: np.array(
+        [0.5 * (a + p["ceiling_deg"] - math.hypot(a - p["ceiling_deg"], p["knee_deg"])) for a in y]
+    ),
+    "sensor_hysteresis": lambda y, p: naive.duhem(y, p["width_deg"], p["turn_deg"]),
+    "sensor_creep": lambda y, p: y + naive.creep(y, p["per_decade"], p["tilt"], FINEST_STEP_S),
+    "sensor_lag": low_passed,
+}
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_a_sensor_effect_against_its_twin(name: str) -> None:
+    slow = SENSORS[name](bending(), parameters(name))
+    assert np.abs(slow - bending()).max() > 0.8
+    np.testing.assert_allclose(read(bending(), vector(name)), slow, atol=0.06)
+
+
+def test_sensor_effects_act_in_order() -> None:
+    effects, slow = absent(), bending()
+    for name, twin in SENSORS.items():
+        effects[LIBRARY[name].slots] = vector(name)[LIBRARY[name].slots]
+        slow = twin(slow, parameters(name))
+    np.testing.assert_allclose(read(bending(), effects), slow, atol=0.1)
+
+
+def test_a_late_channel_and_a_slipping_one() -> None:
+    own = trials(step_release(), triangle())
+    late = vector("channel_latency")
+    if late[LIBRARY["channel_latency"].slots].size > 1:
+        late = vector("channel_latency", window_share=0.0)
+    for found, plain, t in zip(angles(own, late), angles(own, absent()), own, strict=True):
+        np.testing.assert_allclose(found, np.interp(t.t_s - 0.13, t.t_s, plain), atol=0.05)
+    for order, (found, plain) in enumerate(
+        zip(angles(own, vector("sensor_slip")), angles(own, absent()), strict=True), start=1
+    ):
+        np.testing.assert_allclose(found - plain, -1.0 + 0.4 * (order - 1), atol=1e-9)
+
+
+# --- every effect ----------------------------------------------------------------------------
+
+NOTHING: dict[str, dict[str, float]] = {
+    name: {next(iter(parameters(name))): 0.0} for name in IDS if LIBRARY[name].parameters
+} | {
+    "gravity_load": {"along_rest": 0.0, "across_rest": 0.0},
+    "contact_stop": {"stiffness": 0.0},
+    "sensor_nonlinearity": dict.fromkeys(parameters("sensor_nonlinearity"), 0.0),
+    "sensor_slip": {"walk_deg": 0.0, "zero_deg": 0.0},
+    "slew_limit": {"rise_kpa_s": 1e9, "approach_s": 1e-9},
+    "sensor_saturation": {"ceiling_deg": 1e6, "knee_deg": 0.1},
+}
+
+
+@pytest.mark.parametrize("name", NOTHING)
+def test_no_size_is_no_effect(name: str) -> None:
+    own = trials(step_release(), triangle())
+    found = angles(own, vector(name, **NOTHING[name]))
+    for one, plain in zip(found, angles(own, absent()), strict=True):
+        # A pump without a limit takes its mean over a cell from the cell's two ends: 10 ms late.
+        tolerance = 0.7 if name == "slew_limit" else 1e-6
+        np.testing.assert_allclose(one, plain, atol=tolerance)
+
+
+@pytest.mark.parametrize("name", [name for name in NOTHING if name != "mains_pickup"])
+def test_the_grid_hardly_matters(name: str) -> None:
+    own = trials(step_release(), triangle())
+    fine, coarse = angles(own, vector(name)), angles(own, vector(name), longest=4)
+    for one, other in zip(fine, coarse, strict=True):
+        assert np.sqrt(np.mean((one - other) ** 2)) < 0.25
+
+
+UP, HELD, DOWN = slice(30, 60), slice(150, 225), slice(240, 275)  # of step_release, samples
+
+
+def test_late_effects_are_late_both_ways() -> None:
+    own = trials(step_release())
+    plain = angles(own, absent())[0]
+    for name in ("dead_time", "line_lag", "slew_limit", "sensor_lag", "channel_latency"):
+        found = angles(own, vector(name))[0]
+        assert (found[UP] < plain[UP]).all(), name
+        assert (found[DOWN] > plain[DOWN]).all(), name
+        assert found[220] == pytest.approx(plain[220], abs=0.6), name
+
+
+def test_what_pressure_does_while_the_command_is_held() -> None:
+    command = step_release()
+    held = slice(26, 220)
+    droop, leak = pressure(command, vector("supply_droop")), pressure(command, vector("leak"))
+    assert droop[26] == pytest.approx((1.0 - 0.12) * SIXTY, rel=0.01)
+    assert (np.diff(droop[held]) > 0.0).all()
+    assert (np.diff(leak[held]) < 0.0).all()
+    assert leak[26] == pytest.approx(SIXTY, rel=0.01)
+    slope = (leak[76] - leak[26]) / SIXTY  # over a second
+    assert slope == pytest.approx(-0.02, rel=0.1)
+
+
+def test_play_lags_in_both_directions() -> None:
+    command = triangle()
+    moving = pressure(command, vector("drive_backlash")) - command
+    np.testing.assert_allclose(moving[100:240], -0.6 * 3.0)
+    np.testing.assert_allclose(moving[300:480], 0.4 * 3.0, atol=1e-9)
+
+
+def test_stiffer_heavier_and_blocked_bend_less() -> None:
+    own = trials(step_release(0.5 * SIXTY), step_release())
+    low, high = angles(own, absent())
+    for name in ("stiffening", "gravity_load", "contact_stop", "mullins_softening"):
+        found_low, found_high = angles(own, vector(name))
+        assert (found_high[HELD] < high[HELD] - 1.0).all(), name
+        lost_high = 1.0 - found_high[220] / high[220]
+        lost_low = 1.0 - found_low[220] / low[220]
+        if name == "stiffening":
+            assert lost_high > 2.5 * lost_low
+        if name == "contact_stop":
+            assert low.max() < 40.0
+            np.testing.assert_allclose(found_low, low, atol=1e-6)
+
+
+def test_creep_grows_and_recovers() -> None:
+    own = trials(step_release(up=4.0, down=8.0), step_release())
+    for name in ("creep", "sensor_creep"):
+        found, plain = angles(own, vector(name)), angles(own, absent())
+        crept = found[0] - plain[0]
+        assert (np.diff(crept[40:220]) > 0.0).all(), name
+        # What is left after the release fades, over the rest as well.
+        assert 0.0 < crept[-1] < 0.6 * crept[270], name
+        assert 0.0 < (found[1] - plain[1])[0] < crept[-1], name
+
+
+def test_loops_open_and_leave_a_remnant() -> None:
+    ramp = triangle()
+    plain = angles(trials(ramp), absent())[0]
+    for name in ("hysteresis", "sensor_hysteresis"):
+        found = angles(trials(ramp), vector(name))[0] - plain
+        assert (found[120:240] < -0.5).all(), name
+        assert (found[430:490] > 0.5).all(), name
+    rubbed = angles(trials(step_release(down=6.0)), vector("hysteresis"))[0]
+    assert rubbed[-1] > 0.5
+
+
+def test_friction_keeps_its_remnant_through_the_rest() -> None:
+    own = trials(step_release(down=10.0), step_release())
+    first, second = angles(own, vector("hysteresis"))
+    assert first[0] == 0.0
+    assert second[0] == pytest.approx(first[-1], abs=0.2)
+    assert second[0] > 0.5
+
+
+def test_drift_grows_with_campaign_time() -> None:
+    own = trials(*[step_release()] * 4)
+    settled = [found[220] for found in angles(own, vector("thermal_drift"))]
+    assert (np.diff(settled) > 0.0).all()
+
+
+def test_the_reading_ends_at_its_ceiling() -> None:
+    found = angles(trials(step_release()), vector("sensor_saturation"))[0]
+    assert found.max() < 50.0
+    assert found[220] == pytest.approx(50.0, abs=0.5)
+
+
+def test_every_effect_of_the_library_has_a_size_here() -> None:
+    assert list(SIZES) == list(IDS)
+    assert stage_of(["creep", "leak"]) == {"actuator", "drive"}
+    for name in IDS:
+        found = np.array(IDS)[switches(vector(name))].tolist()
+        assert found == ([name] if LIBRARY[name].parameters else [])
+
+
+# --- state -----------------------------------------------------------------------------------
+
+STATEFUL = absent()
+for _name in IDS:
+    if _name not in ("parameter_shift", "mains_pickup", "sensor_slip"):
+        STATEFUL[LIBRARY[_name].slots] = vector(_name)[LIBRARY[_name].slots]
+
+
+def test_a_later_campaign_goes_on_where_the_earlier_ended() -> None:
+    commands = [step_release(), triangle(), step_release(), step_release(0.5 * SIXTY)]
+    own = trials(*commands)
+    whole = angles(own, STATEFUL)
+    _, memory = chain(own[:2]).readings(X, STATEFUL)
+    text = json.dumps(memory.to_dict(), allow_nan=False)
+    memory = Memory.from_dict(json.loads(text))
+    grid = campaign_grid(own[2:], rested_from_s=memory.ends_s, longest=0)
+    later = chain_for(grid, X, KPA, memory=memory)
+    reading, _ = later.readings(X, STATEFUL)
+    for i in range(2):
+        at = grid.locate(i, own[2 + i].t_s)
+        found = later.logged(reading, STATEFUL, *at, np.full(own[2 + i].t_s.size, i))
+        np.testing.assert_allclose(found, whole[2 + i], atol=1e-9)
+
+
+def test_a_run_leaves_its_start_as_it_was() -> None:
+    c = chain(trials(step_release()))
+    first, _ = c.readings(X, STATEFUL)
+    again, _ = c.readings(X, STATEFUL)
+    np.testing.assert_array_equal(first, again)
+    assert not c.memory.modes.any()
+
+
+def test_a_memory_is_read_back_bit_by_bit() -> None:
+    _, memory = chain(trials(step_release())).readings(X, STATEFUL)
+    again = Memory.from_dict(json.loads(json.dumps(memory.to_dict(), allow_nan=False)))
+    for name in ("modes", "creep", "stops", "virgin", "film", "play_kpa", "ends_s"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(memory, name))
+    assert math.isnan(Memory.from_dict(json.loads(json.dumps(Memory().to_dict()))).ends_s)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"modes": [[0.0, 0.0]]},
+        {"modes": [0.0]},
+        {"creep": [0.0, 0.0]},
+        {"virgin": "all"},
+        {"ends_s": [1.0]},
+    ],
+)
+def test_a_memory_of_another_shape_is_refused(change: dict[str, object]) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        Memory.from_dict(Memory().to_dict() | change)
+    with pytest.raises(KeyError):
+        Memory.from_dict({})
+
+
+# --- grid ------------------------------------------------------------------------------------
+
+
+def check_grid(grid: CampaignGrid) -> None:
+    for i, t in enumerate(grid.trials):
+        first = grid.step_starts[i]
+        own = slice(first, first + grid.trial_steps[i])
+        rest = slice(own.stop, grid.step_starts[i + 1])
+        cells = grid.cell_starts[i + 1] - grid.cell_starts[i]
+        # Steps cover each trial exactly, one after the other.
+        assert grid.cells[own].sum() == cells == (2 ** grid.level[own]).sum()
+        np.testing.assert_array_equal(
+            grid.first_cell[own], grid.cell_starts[i] + np.cumsum(grid.cells[own]) - grid.cells[own]
+        )
+        assert cells * FINEST_STEP_S >= t.t_s[-1] - 1e-6
+        assert (grid.cells[rest] == 0).all()
+        if i + 1 < len(grid.trials):
+            gap = grid.trials[i + 1].started_s - t.started_s - cells * FINEST_STEP_S
+            assert STEPS_S[grid.level[rest]].sum() == pytest.approx(max(gap, 0.0), abs=0.011)
+        # Every sample lies in the step that is found for it, and is counted once.
+        step, share = grid.locate(i, t.t_s)
+        assert ((step >= own.start) & (step < own.stop)).all()
+        ends = np.cumsum(STEPS_S[grid.level[own]])
+        lengths = STEPS_S[grid.level[step]]
+        at = ends[step - first] - (1.0 - share) * lengths
+        np.testing.assert_allclose(at, t.t_s, atol=1e-6)
+        mine = grid.sample_trial == i
+        assert grid.counts[mine].sum() == np.count_nonzero(~t.after_reset)
+        assert np.unique(grid.sample_step[mine]).size == np.count_nonzero(mine)
+        total = np.sum(grid.counts[mine] * grid.angle_deg[mine])
+        assert total == pytest.approx(np.sum(t.angle_deg[~t.after_reset]), abs=1e-6)
+    assert (np.diff(grid.middle_s) > 0.0).all()
+
+
+def ragged(seed: int, samples: int, jumps: int, jitter: float, reset: bool, order: int) -> Trial:
+    """Make a trial of uneven samples and a command of some jumps."""
+    generator = np.random.default_rng(seed)
+    t = np.cumsum(0.02 * (1.0 + jitter * generator.uniform(-0.9, 3.0, samples)))
+    t -= t[0]
+    levels = np.sort(generator.integers(0, samples, jumps))
+    command = generator.uniform(0.0, 60.0, jumps + 1)[np.searchsorted(levels, np.arange(samples))]
+    one = trials(command, first_order=order, first_s=30.0 * order)[0]
+    after = (np.arange(samples) > samples // 2) & reset
+    return replace(one, t_s=t, pressure_kpa=command + 0.5, after_reset=after)
+
+
+@given(
+    seeds=st.lists(st.integers(0, 2**30), min_size=1, max_size=3),
+    samples=st.integers(4, 400),
+    jumps=st.integers(0, 8),
+    jitter=st.sampled_from([0.0, 0.1, 1.0]),
+    reset=st.booleans(),
+    longest=st.sampled_from([0, 2, 4]),
+)
+@example(seeds=[0], samples=4, jumps=0, jitter=0.0, reset=False, longest=4)
+@settings(max_examples=60, deadline=None)
+def test_steps_cover_the_trials_and_samples_fall_in_one(
+    seeds: list[int], samples: int, jumps: int, jitter: float, reset: bool, longest: int
+) -> None:
+    own = [ragged(seed, samples, jumps, jitter, reset, i) for i, seed in enumerate(seeds, 1)]
+    grid = campaign_grid(own[::-1], longest=longest)
+    check_grid(grid)
+    assert grid.level[grid.cells > 0].max() <= longest
+    assert grid.orders.tolist() == list(range(1, len(own) + 1))
+    for i, t in enumerate(grid.trials):
+        # The command is held from sample to sample: its area is kept.
+        assert grid.command_kpa is not None
+        assert t.command_kpa is not None
+        cells = grid.command_kpa[grid.cell_starts[i] : grid.cell_starts[i + 1]]
+        held = np.append(np.diff(t.t_s), cells.size * FINEST_STEP_S - t.t_s[-1])
+        assert cells.sum() * FINEST_STEP_S == pytest.approx(held @ t.command_kpa, abs=1e-6)
+
+
+def test_step_means_keep_the_area() -> None:
+    grid = campaign_grid(trials(jerky(), triangle()))
+    assert grid.command_kpa is not None
+    means = grid.step_means(grid.command_kpa)
+    assert (means * grid.cells).sum() == pytest.approx(grid.command_kpa.sum())
+    assert (means[grid.cells == 0] == 0.0).all()
+
+
+def test_steps_are_fine_after_a_jump_and_grow() -> None:
+    grid = campaign_grid(trials(step_release()))
+    level = grid.level[: grid.trial_steps[0]]
+    at = np.searchsorted(grid.first_cell[: level.size], 25)
+    assert grid.first_cell[at] == 25
+    assert (level[at : at + 8] == 0).all()
+    assert level.max() == 4
+    assert (level[np.searchsorted(grid.first_cell[: level.size], 225)]) == 0
+
+
+def test_a_rest_before_the_first_trial() -> None:
+    own = trials(step_release(), first_s=1000.0)
+    grid = campaign_grid(own, rested_from_s=400.0)
+    check_grid(grid)
+    lead = slice(0, grid.step_starts[0])
+    assert STEPS_S[grid.level[lead]].sum() == pytest.approx(600.0, abs=0.011)
+    assert grid.middle_s[0] == pytest.approx(400.0, abs=0.1)
+    assert campaign_grid(own, rested_from_s=2000.0).step_starts[0] == 1
+
+
+def test_trials_that_cannot_be_laid() -> None:
+    one = trials(step_release())[0]
+    with pytest.raises(BadInput, match="holds neither command nor pressure"):
+        campaign_grid([replace(one, command_kpa=None)])
+    brief = {
+        name: getattr(one, name)[:2]
+        for name in ("t_s", "command_kpa", "angle_deg", "after_reset", "outside_calibration")
+    }
+    with pytest.raises(BadInput, match=r"lasts 0\.02 s; expected a longer log"):
+        campaign_grid([replace(one, **brief)], "raw/arm")
+    with pytest.raises(ValueError, match="holds no command"):
+        chain_for(
+            campaign_grid([replace(one, command_kpa=None, pressure_kpa=one.command_kpa)]), X, KPA
+        )
+
+
+def test_a_pressure_takes_the_place_of_command_and_drive() -> None:
+    own = trials(step_release())
+    grid = campaign_grid(own, longest=0)
+    given_pressure = np.asarray(grid.command_kpa)
+    driven = chain_for(grid, X, KPA, pressure_kpa=given_pressure)
+    late, _ = driven.readings(X, vector("dead_time"))
+    plain, _ = chain_for(grid, X, KPA).readings(X, absent())
+    np.testing.assert_array_equal(late, plain)
