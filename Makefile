@@ -8,10 +8,11 @@ INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
 PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
 
-.PHONY: help reproduce test format unlock lock
+.PHONY: help reproduce blind test format unlock lock
 
 help:
 	@echo "make reproduce   raw logs -> results/ (CORES=$(CORES))"
+	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (hours)"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
 	@echo "make format      format Python and Snakemake files"
 	@echo "make unlock      after a killed run: release Snakemake's lock"
@@ -26,6 +27,11 @@ $(INSTALLED): requirements.lock pyproject.toml
 reproduce: $(INSTALLED)
 	$(BIN)/snakemake --cores $(CORES)
 	@echo "Start with results/summary.md"
+
+blind: $(INSTALLED)
+	$(BIN)/snakemake --cores $(CORES) blind
+	$(BIN)/python -m spa_fo.report.blind_document results/blind docs \
+	  --command "snakemake --cores $(CORES) blind"
 
 test: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -279,8 +279,8 @@ def test_the_worst_effect_comes_first_and_says_what_it_is_taken_for() -> None:
     scores = score(named("creep", 9, 1) + named("leak", 1, 3) + named("slew_limit", 5, 0))
     assert [entry.effect for entry in scores.effects][:2] == ["leak", "creep"]
     worst = scores.effects[0]
-    assert worst.rates["in sets"].value == 0.25
-    assert worst.rates["no wrong name"].value == 0.25
+    assert worst.rates["rich, 4 and more: in sets"].value == 0.25
+    assert worst.rates["any size: no wrong name"].value == 0.25
     assert worst.mistaken_for == "thermal_drift"
     assert scores.effects[0].worst_rate <= scores.effects[1].worst_rate
 
@@ -288,7 +288,7 @@ def test_the_worst_effect_comes_first_and_says_what_it_is_taken_for() -> None:
 def test_the_stage_is_judged_with_the_worst_rate_too() -> None:
     outcomes = [Outcome(CREEP, answer(["creep"], stage="sensor"))] * 3
     (entry,) = score(outcomes).effects
-    assert (entry.worst, entry.worst_rate) == ("stage", 0.0)
+    assert (entry.worst, entry.worst_rate) == ("rich, 4 and more: stage", 0.0)
 
 
 def test_arms_part_by_kind_protocol_and_size() -> None:

@@ -99,6 +99,7 @@ def _effect_table(effects: Sequence[Mapping[str, Any]], line: str) -> Table:
             "effect": effect["effect"],
             "worst rate": effect["worst_rate"],
             "which": effect["worst"],
+            "of": effect["rates"][effect["worst"]]["n"],
             "mistaken for": effect["mistaken_for"] or None,
             "cases": effect["cases"],
         }

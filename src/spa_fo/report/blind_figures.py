@@ -38,6 +38,7 @@ _CURVES = {
 _PROTOCOLS = {"rich": "rich protocol", "up_steps": "up-steps alone"}
 _SHRINK_LIMITS = (-0.6, 1.3)
 _TOLERANCE = 0.1
+_APART = 1.03  # so that the intervals of one size do not hide each other
 
 
 @styled
@@ -165,10 +166,10 @@ def size_figure(arms: Sequence[Mapping[str, Any]]) -> Figure:
     figure = new_figure(TWO_COLUMNS_IN, 2.8, [protocols])
     for axes, protocol in zip(figure.axes, protocols, strict=True):
         own = [arm for arm in closed if arm["protocol"] == protocol and arm["size"] > 0]
-        for key, (label, colour, line) in _CURVES.items():
+        for i, (key, (label, colour, line)) in enumerate(_CURVES.items()):
             _draw_rates(
                 axes,
-                [arm["size"] for arm in own],
+                [arm["size"] * _APART**i for arm in own],
                 [arm["scores"][key] for arm in own],
                 color=colour,
                 linestyle=line,
@@ -184,7 +185,8 @@ def size_figure(arms: Sequence[Mapping[str, Any]]) -> Figure:
         )
         axes.set_ylim(-0.03, 1.03)
     figure.axes[0].set_ylabel("share of the cases")
-    figure.axes[0].legend(loc="center right")
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(_CURVES))
     return figure
 
 

@@ -89,13 +89,13 @@ def variants(outcomes: Sequence[Outcome]) -> tuple[Variant, ...]:
 
 _BY_EFFECT: tuple[tuple[str, Group, str, bool], ...] = (
     # name of the column, its cases, the measure, whether less is better
-    ("in sets", rich_large, "in_sets", False),
-    ("most probable", rich_large, "right_first", False),
-    ("stage", rich_large, "right_stage", False),
-    ("found at twice the floor", rich_two, "found", False),
-    ("up-steps: in sets", up_large, "in_sets", False),
-    ("no wrong name", cases("closed"), "wrong_name", True),
-    ("missing: unknown or equivalent", lambda truth: truth.is_missing, "fair_or_unknown", False),
+    ("rich, 4 and more: in sets", rich_large, "in_sets", False),
+    ("rich, 4 and more: most probable", rich_large, "right_first", False),
+    ("rich, 4 and more: stage", rich_large, "right_stage", False),
+    ("rich, 2: found", rich_two, "found", False),
+    ("up-steps, 4 and more: in sets", up_large, "in_sets", False),
+    ("any size: no wrong name", cases("closed"), "wrong_name", True),
+    ("missing: unknown or equal", lambda truth: truth.is_missing, "fair_or_unknown", False),
     ("missing: no wrong name", lambda truth: truth.is_missing, "wrong_name", True),
     ("no false alarm", cases("no_effect"), "found", True),
 )
