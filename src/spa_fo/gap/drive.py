@@ -23,8 +23,9 @@ Floats = NDArray[np.float64]
 
 _OFFSET_KPA, _GAIN = 0.4, 0.004  # of the pressure sensor
 
-_SCALES = np.array([0.08])  # of the discrepancy, kPa
 _BLUR = 0.3  # of the change of pressure within four cells: when exactly it changed is not known
+# A row's pressure is read before its command acts: it belongs to the cell that ends there.
+_BEFORE = 0.9
 _MOST_STEPS = 15
 _CONVERGED = 0.05
 
@@ -43,6 +44,8 @@ class DriveFit:
         At the grid's averaged samples.
     residual_kpa : (n,) array
         Measured less predicted, sensor offset and gain taken out.
+    missed_kpa : (n,) array
+        The part of it that repeats: the discrepancy.
     discrepancy_kpa : float
         Standard deviation of what the effects do not explain.
     solution : Solution
@@ -57,22 +60,26 @@ class DriveFit:
     effects: Floats
     predicted_kpa: Floats
     residual_kpa: Floats
+    missed_kpa: Floats
     discrepancy_kpa: float
     solution: Solution
     searched: Floats
     log_evidence: float
 
 
+def fit_drive(evidence: Evidence, ids: Sequence[str]) -> DriveFit:
+    """Fit the drive effects `ids` to the pressure."""
+    return _Problem(evidence, ids).best()
+
+
 def fit_drives(evidence: Evidence, excluded: Sequence[str] = ()) -> dict[tuple[str, ...], DriveFit]:
     """Fit no effect, every single drive effect, and pairs of those that help, to the pressure."""
     names = [
-        name
-        for name, effect in LIBRARY.items()
-        if effect.stage == "drive" and name not in excluded
+        name for name, effect in LIBRARY.items() if effect.stage == "drive" and name not in excluded
     ]
-    fits = {(): _Problem(evidence, ()).best()}
+    fits = {(): fit_drive(evidence, ())}
     for name in names:
-        fits[(name,)] = _Problem(evidence, (name,)).best()
+        fits[(name,)] = fit_drive(evidence, (name,))
     ranked = sorted(names, key=lambda name: -fits[(name,)].log_evidence)[:4]
     for one, other in combinations(ranked, 2):
         pair = tuple(sorted((one, other), key=names.index))
@@ -105,10 +112,13 @@ class _Problem:
         # Where each averaged sample lies among the cells' middles.
         first = grid.cell_starts[grid.sample_trial]
         cells = grid.cell_starts[grid.sample_trial + 1] - first
-        self.at = first + np.clip(grid.time_s / FINEST_STEP_S - 0.5, 0.0, cells - 1.0)
+        self.at = first + np.clip(grid.time_s / FINEST_STEP_S - _BEFORE, 0.0, cells - 1.0)
         assert grid.pressure_kpa is not None and grid.command_kpa is not None
         blur = _BLUR * (self._change(grid.pressure_kpa) + self._change(grid.command_kpa))
         self.noise = evidence.pressure_noise_kpa**2 / grid.counts + blur**2 + 0.02**2
+        if evidence.pressure_variance is not None:
+            self.noise = self.noise + evidence.pressure_variance
+        self.scales = np.array([evidence.tolerance_kpa])
 
     def _change(self, cells: Floats) -> Floats:
         """Change of a pressure about each averaged sample, from two cells before to two after."""
@@ -140,7 +150,8 @@ class _Problem:
             slopes[:, k] = (self.predict(moved) - y) / step
         sensor = np.column_stack([np.ones(y.size), y, self._late(y)])
         blocks = []
-        for i, rows in enumerate(evidence.rows):
+        for i in np.flatnonzero(evidence.takes_part):
+            rows = evidence.rows[i]
             columns = np.hstack([slopes[rows], sensor[rows], evidence.support[i]])
             index = np.concatenate([np.arange(p + 3), p + 3 + evidence.support_index[i]])
             blocks.append(Block(measured[rows] - y[rows], 1.0 / self.noise[rows], columns, index))
@@ -164,21 +175,21 @@ class _Problem:
     def fit(self, start: Floats) -> DriveFit:
         p = len(self.slots)
         z = np.clip(start, self.low, self.high)
-        variances = _SCALES**2
+        variances = self.scales**2
         best: tuple[float, Floats, Floats, Solution, list[Block]] | None = None
         step = np.zeros(p)
         for _ in range(_MOST_STEPS):
             blocks, y = self.blocks(z)
             mean = np.zeros(self.size)
             mean[:p] = self.centre - z
-            prior = Prior(mean, self.variance, self.group, _SCALES)
+            prior = Prior(mean, self.variance, self.group, self.scales)
             normal = normal_equations(blocks, self.size)
             solution = solve(normal, prior, variances, rounds=4)
             # The evidence with the parameters' steps held at zero says how good this point is.
             tight = self.variance.copy()
             tight[:p] = 1e-16
             pinned = np.where(np.arange(self.size) < p, 0.0, mean)
-            held = solve(normal, Prior(pinned, tight, self.group, _SCALES), variances, rounds=4)
+            held = solve(normal, Prior(pinned, tight, self.group, self.scales), variances, rounds=4)
             here = held.log_evidence - 0.5 * float(np.sum((mean[:p] / self.spread) ** 2))
             if best is not None and here < best[0] - 1e-9:
                 step = 0.4 * step
@@ -203,11 +214,15 @@ class _Problem:
         b = solution.coefficients
         grid = self.evidence.grid
         assert grid.measured_kpa is not None
+        missed = np.empty(y.size)
+        for i, rows in enumerate(self.evidence.rows):
+            missed[rows] = self.evidence.support[i] @ b[p + 3 + self.evidence.support_index[i]]
         return DriveFit(
             ids=self.ids,
             effects=self.effects(z),
             predicted_kpa=y,
             residual_kpa=grid.measured_kpa - y - b[p] - b[p + 1] * y,
+            missed_kpa=missed,
             discrepancy_kpa=float(np.sqrt(solution.variances[0])),
             solution=solution,
             searched=z,

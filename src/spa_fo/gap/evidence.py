@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.plant.chain import Chain, chain_for
+from spa_fo.plant.chain import Chain, Seat, chain_for, smeared
+from spa_fo.plant.effects.actuator import CREEP_TIMES_S
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, LIBRARY
 from spa_fo.plant.effects.sensor import read_angle
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
-from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S
+from spa_fo.plant.memory import STEPS_S
 from spa_fo.rig import Calibration, CampaignData, Dwell
 
 Floats = NDArray[np.float64]
@@ -24,7 +25,15 @@ _TIMING_S = 0.003  # error of one sample's time
 _DISCREPANCY_SPACING = 9  # averaged samples from one support of the discrepancy to the next
 _LONGEST_SPACING_S = 3.0
 _CURVE_FLOOR_DEG = 0.08
+_FORM_ERROR = 0.04  # part of an effect that a right but foreign form misses
+_NEIGHBOURS = 7  # averaged samples
 _WINDOWS = 4  # of a calibration dwell
+_FILM = np.r_[
+    LIBRARY["sensor_hysteresis"].slots,
+    LIBRARY["sensor_creep"].slots,
+    LIBRARY["sensor_lag"].slots,
+    LIBRARY["channel_latency"].slots,
+]
 _FIXTURE_LEVEL = 1  # steps of the fixture's simulation: 0.04 s
 _FIXTURE_FLOOR_DEG = 0.06
 
@@ -43,6 +52,14 @@ class Fixture:
         First and last step of each window.
     average : (rows, rows) array
         Takes the settled mean at each angle away.
+    time_s : (rows,) array
+        Time of each window in its log.
+    log : (rows,) array
+        Which calibration it is from.
+    known_deg : (rows,) array
+        The fixture's angle.
+    first_log : int
+        Number of steps of the first calibration, with the time the sensor lies flat after it.
     """
 
     deviation_deg: Floats
@@ -50,23 +67,48 @@ class Fixture:
     angle_deg: Floats
     step_of: Integers
     average: Floats
+    time_s: Floats
+    log: Integers
+    known_deg: Floats
+    first_log: int
 
-    def predicted(self, effects: Floats) -> Floats:
-        """What the sensor's effects make of the fixture, deg."""
-        level = np.full(self.angle_deg.size, _FIXTURE_LEVEL, dtype=np.int64)
-        film = np.zeros(4 + 8)
+    def simulate(self, effects: Floats) -> tuple[Floats, Seat]:
+        """What the sensor's effects make of the fixture.
+
+        Returns
+        -------
+        predicted_deg : (rows,) array
+            Of `deviation_deg`.
+        seat : Seat
+            What the first calibration leaves the sensor with.
+        """
         own = effects.copy()
         for name in ("sensor_nonlinearity", "sensor_saturation"):
             own[LIBRARY[name].slots] = np.nan  # of the seat: the fixture does not show them
-        read = read_angle(self.angle_deg, level, own, film)
-        latency = effects[LIBRARY["channel_latency"].first]
-        late = 0 if np.isnan(latency) else latency / STEPS_S[_FIXTURE_LEVEL]
+        if np.isnan(own[_FILM]).all():
+            return np.zeros(self.deviation_deg.size), Seat()
+        level = np.full(self.angle_deg.size, _FIXTURE_LEVEL, dtype=np.int64)
+        film = np.zeros(4 + CREEP_TIMES_S.size)
+        first_log = self.first_log
+        read = np.empty(self.angle_deg.size)
+        read[:first_log] = read_angle(self.angle_deg[:first_log], level[:first_log], own, film)
+        start = film.copy()
+        read[first_log:] = read_angle(self.angle_deg[first_log:], level[first_log:], own, film)
+        delay, window = effects[LIBRARY["channel_latency"].slots]
         total = np.concatenate([[0.0], np.cumsum(read)])
         at = np.arange(total.size)
-        first, last = self.step_of[:, 0] - late, self.step_of[:, 1] - late
-        mean = (np.interp(last, at, total) - np.interp(first, at, total)) / (last - first)
-        known = self.angle_deg[self.step_of[:, 0]]
-        return np.asarray(self.average @ (mean - known))
+        mean = np.zeros(self.step_of.shape[0])
+        delays = np.zeros(1) if np.isnan(delay) else smeared(delay, window)
+        for late in delays / STEPS_S[_FIXTURE_LEVEL]:
+            first, last = self.step_of[:, 0] - late, self.step_of[:, 1] - late
+            rise = np.interp(last, at, total) - np.interp(first, at, total)
+            mean += rise / (last - first) / delays.size
+        raw = mean - self.angle_deg[self.step_of[:, 0]]
+        centred = self.average @ raw
+        known, rows = np.unique(self.known_deg[self.log == 0], return_index=True)
+        # Each row less itself centred is the settled mean at its angle: what the curve took up.
+        bias = (raw - centred)[self.log == 0][rows]
+        return centred, Seat(start, known, bias)
 
 
 @dataclass(frozen=True)
@@ -101,6 +143,14 @@ class Evidence:
         At which angles.
     pressure_noise_kpa : float
         White noise of one pressure sample; NaN without.
+    rows : list of arrays
+        By trial, its averaged samples.
+    takes_part : (trials,) bool array
+        Trials that explanations are chosen and fitted by; the others are held out.
+    tolerance_deg, tolerance_kpa : float
+        Typical discrepancy of a right explanation.
+    pressure_variance : (n,) array or None
+        What is added to the noise of each averaged pressure for the same reason, kPa².
     """
 
     data: CampaignData
@@ -118,11 +168,67 @@ class Evidence:
     drift_angle_deg: Floats
     pressure_noise_kpa: float
     rows: list[Integers] = field(default_factory=list)
+    takes_part: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, dtype=bool))
+    tolerance_deg: float = 0.06
+    tolerance_kpa: float = 0.08
+    pressure_variance: Floats | None = None
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Averaged samples of the trials that take part, (n,)."""
+        return np.asarray(self.takes_part[self.grid.sample_trial])
 
     @property
     def has_pressure(self) -> bool:
         """Whether the pressure was measured in every trial."""
         return self.grid.measured_kpa is not None and self.grid.command_kpa is not None
+
+
+def tolerant(evidence: Evidence, gap_deg: Floats, gap_kpa: Floats | None) -> Evidence:
+    """Allow every explanation to miss a small part of what there is to explain.
+
+    No form of the library is quite the true one. Without this the largest gaps would be explained
+    with the greatest confidence, by whatever form bends best.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The campaign.
+    gap_deg : (n,) array
+        What the plain model misses at each averaged sample.
+    gap_kpa : (n,) array or None
+        What the command misses of the pressure.
+    """
+    local = _local(evidence, gap_deg)
+    fixture = evidence.fixture
+    if fixture is not None:
+        missed = _FORM_ERROR * 2.0 * np.abs(fixture.deviation_deg)
+        fixture = replace(fixture, sigma_deg=np.hypot(fixture.sigma_deg, missed))
+    rms = float(np.sqrt(np.mean(gap_deg[evidence.used] ** 2)))
+    changed = replace(
+        evidence,
+        variance=evidence.variance + (_FORM_ERROR * local) ** 2,
+        tolerance_deg=float(np.hypot(evidence.tolerance_deg, _FORM_ERROR * rms)),
+        fixture=fixture,
+    )
+    if gap_kpa is None:
+        return changed
+    rms = float(np.sqrt(np.mean(gap_kpa**2)))
+    return replace(
+        changed,
+        tolerance_kpa=float(np.hypot(evidence.tolerance_kpa, _FORM_ERROR * rms)),
+        pressure_variance=(_FORM_ERROR * _local(evidence, gap_kpa)) ** 2,
+    )
+
+
+def _local(evidence: Evidence, gap: Floats) -> Floats:
+    """Size of a gap about each averaged sample."""
+    kernel = np.ones(_NEIGHBOURS) / _NEIGHBOURS
+    local = np.empty_like(gap)
+    for rows in evidence.rows:
+        padded = np.pad(gap[rows] ** 2, _NEIGHBOURS // 2, mode="edge")
+        local[rows] = np.sqrt(np.convolve(padded, kernel, mode="valid"))
+    return local
 
 
 def collect(data: CampaignData) -> Evidence:
@@ -155,6 +261,7 @@ def collect(data: CampaignData) -> Evidence:
         drift_angle_deg=angles,
         pressure_noise_kpa=pressure_noise,
         rows=rows,
+        takes_part=np.ones(len(grid.trials), dtype=bool),
     )
 
 
@@ -275,8 +382,8 @@ def _fixture(calibrations: Sequence[Calibration]) -> Fixture | None:
     curve = calibrations[0]
     step = STEPS_S[_FIXTURE_LEVEL]
     angle: list[Floats] = []
-    windows, deviation, sigma, groups, settled = [], [], [], [], []
-    at = 0
+    windows, deviation, sigma, groups, settled, times = [], [], [], [], [], []
+    at = first_log = 0
     for number, calibration in enumerate(calibrations):
         before = 0.0
         for k, dwell in enumerate(calibration.dwells):
@@ -299,12 +406,14 @@ def _fixture(calibrations: Sequence[Calibration]) -> Fixture | None:
                 first = at + move + round(edges[w] / step)
                 windows.append((first, max(first + 1, at + move + round(edges[w + 1] / step))))
                 groups.append((number, dwell.angle_deg))
+                times.append(dwell.started_s + 0.5 * float(edges[w] + edges[w + 1]))
                 settled.append(w >= _WINDOWS // 2)
             at += move + stay
             before = dwell.angle_deg
         relax = round(120.0 / step)  # between two calibrations the sensor lies flat
         angle.append(np.zeros(relax))
         at += relax
+        first_log = first_log or at
     average = np.eye(len(groups))
     for key in set(groups):
         members = [i for i, group in enumerate(groups) if group == key]
@@ -312,7 +421,17 @@ def _fixture(calibrations: Sequence[Calibration]) -> Fixture | None:
         for i in members:
             average[i, still] -= 1.0 / len(still)
     centred = average @ np.array(deviation)
-    return Fixture(centred, np.array(sigma), np.concatenate(angle), np.array(windows), average)
+    return Fixture(
+        deviation_deg=centred,
+        sigma_deg=np.array(sigma),
+        angle_deg=np.concatenate(angle),
+        step_of=np.array(windows),
+        average=average,
+        time_s=np.array(times),
+        log=np.array([number for number, _ in groups]),
+        known_deg=np.array([known for _, known in groups]),
+        first_log=first_log,
+    )
 
 
 def _pause(earlier: Dwell, later: Dwell) -> float:
@@ -329,17 +448,3 @@ def modelled_pressure(evidence: Evidence, effects: Floats) -> Floats:
     command = evidence.grid.command_kpa
     assert command is not None
     return np.asarray(drive_pressure(command, evidence.grid.cell_starts, effects, np.zeros(2)))
-
-
-def smoothed_pressure(evidence: Evidence) -> Floats:
-    """Measured pressure on the grid's cells, averaged over 0.1 s within each trial, kPa."""
-    pressure = evidence.grid.pressure_kpa
-    assert pressure is not None
-    width = round(0.1 / FINEST_STEP_S)
-    kernel = np.ones(width) / width
-    out = pressure.copy()
-    starts = evidence.grid.cell_starts
-    for first, end in zip(starts[:-1], starts[1:], strict=True):
-        piece = np.pad(pressure[first:end], width // 2, mode="edge")
-        out[first:end] = np.convolve(piece, kernel, mode="valid")[: end - first]
-    return out

@@ -12,21 +12,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.evidence import Evidence, curve_columns
+from spa_fo.gap.evidence import Evidence, Fixture, curve_columns
 from spa_fo.gap.mixed import Block, Normal, Prior, Solution, normal_equations, solve
-from spa_fo.plant.chain import Chain
+from spa_fo.plant.chain import Chain, Seat
 from spa_fo.plant.effects.library import LIBRARY, Parameter, absent
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-GAIN, OFFSET, PACE, DISCREPANCY, SLIP = range(5)
-SCALES = np.array([0.005, 0.2, 0.007, 0.06, 0.4])
-"""Typical standard deviations: relative, deg, relative, deg, deg per trial."""
+GAIN, OFFSET, PACE, DISCREPANCY, SLIP, PICKUP = range(6)
+SCALES = np.array([0.005, 0.2, 0.007, 0.06, 0.4, 1.0])
+"""Typical standard deviations: relative, deg, relative, deg, deg per trial, deg."""
 
-KNOWN = np.array([0.003, 0.003, 0.008, 0.005, 0.003])
-FREE = np.array([0.12, 0.12, 0.35, 0.3, 0.25])
-"""Prior spread of (alpha2, alpha1, ln a1, ln a0, ln K) about the given model."""
+COEFFICIENT_SPREAD = {
+    "known": np.array([0.003, 0.003, 0.008, 0.005, 0.003]),
+    "near": np.array([0.008, 0.008, 0.025, 0.02, 0.01]),
+    "free": np.array([0.12, 0.12, 0.35, 0.3, 0.25]),
+}
+"""Prior spread of (alpha2, alpha1, ln a1, ln a0, ln K) about the given model.
+
+An effect's form is never quite the true one; near the given model the coefficients may make up
+for that. Free they are those of another specimen, or of a model fitted to this very gap.
+"""
 
 IN_COVARIANCE = ("sensor_nonlinearity", "sensor_slip", "parameter_shift", "mains_pickup")
 """Effects that are columns or variances here, not parameters of the simulation."""
@@ -35,8 +42,8 @@ TIMING_S = 0.006
 """How well the channels of one row belong together: a part of a sample period."""
 
 _SLOPE_STEP = 1e-4
-_MOST_STEPS = 10
-_CONVERGED = 0.05  # nats
+_MOST_STEPS = 9
+_CONVERGED = 0.3  # nats
 _PACE_STEP = 2e-3
 
 
@@ -91,8 +98,8 @@ class Fit:
     ----------
     ids : tuple of str
         Its effects.
-    free : bool
-        Whether the coefficients were free, not those of the given model.
+    level : {"known", "near", "free"}
+        How far the coefficients could move.
     x : (5,) array
         Coefficients.
     effects : array
@@ -120,7 +127,7 @@ class Fit:
     """
 
     ids: tuple[str, ...]
-    free: bool
+    level: str
     x: Floats
     effects: Floats
     searched: Floats
@@ -153,10 +160,14 @@ class AngleProblem:
         Coefficients of the given model.
     ids : sequence of str
         Effects of the explanation.
-    free : bool
-        Whether the coefficients are free.
+    level : {"known", "near", "free"}
+        How far the coefficients may move.
     keep : (n,) bool array, optional
-        Averaged samples that take part; all by default.
+        Averaged samples that take part; those of the evidence by default.
+    changed : bool
+        Whether an unknown sensor curve is that of later calibrations too, not of the seat alone.
+    pickup_hz : float, optional
+        Frequency of an interference that the averaged samples still show.
     """
 
     def __init__(
@@ -165,23 +176,30 @@ class AngleProblem:
         chain: Chain,
         given: Floats,
         ids: Sequence[str],
-        free: bool,
+        level: str,
         keep: NDArray[np.bool_] | None = None,
+        pickup_hz: float | None = None,
+        changed: bool = False,
     ) -> None:
+        self.changed = changed
+        self.pickup_hz = pickup_hz
+        self.scales = SCALES.copy()
+        self.scales[DISCREPANCY] = evidence.tolerance_deg
         self.evidence = evidence
         self.chain = chain
+        self.given = given
         self.ids = tuple(ids)
-        self.free = free
+        self.level = level
         self.slots = [
             Slot(parameter, LIBRARY[name].first + k)
             for name in ids
             if name not in IN_COVARIANCE
             for k, parameter in enumerate(LIBRARY[name].parameters)
         ]
-        self.keep = np.ones(evidence.grid.angle_deg.size, bool) if keep is None else keep
+        self.keep = evidence.used if keep is None else keep
         self.centre = np.concatenate([to_z(given), [slot.centre for slot in self.slots]])
         spread = [slot.parameter.spread for slot in self.slots]
-        self.spread = np.concatenate([FREE if free else KNOWN, spread])
+        self.spread = np.concatenate([COEFFICIENT_SPREAD[level], spread])
         low = [slot.limits[0] for slot in self.slots]
         high = [slot.limits[1] for slot in self.slots]
         self.low = np.concatenate([[0.05, 0.02, -8.0, -8.0, -8.0], low])
@@ -202,12 +220,16 @@ class AngleProblem:
         at += 1 + self.steps.size
         self.own = at + np.arange(3 * trials).reshape(trials, 3)
         at += 3 * trials
+        logs = trials + len(evidence.data.calibrations)
+        self.waves = at + np.arange(0 if self.pickup_hz is None else 2 * logs).reshape(-1, 2)
+        at += self.waves.size
         self.support = at + np.arange(evidence.supports)
         self.size = at + evidence.supports
         group = np.full(self.size, -1)
         variance = np.full(self.size, 1e-12)
         group[self.own] = [GAIN, OFFSET, PACE]
         group[self.support] = DISCREPANCY
+        group[self.waves] = PICKUP
         variance[self.curve] = evidence.curve_sigma_deg**2
         if "sensor_nonlinearity" in self.ids:
             spread = [q.spread for q in LIBRARY["sensor_nonlinearity"].parameters]
@@ -229,9 +251,11 @@ class AngleProblem:
     def predict(self, z: Floats) -> tuple[Floats, Floats]:
         """Angles at the samples, and readings in the fixture."""
         e = self.effects(z)
-        angle, _ = self.chain.run(to_x(z), e)
         fixture = self.evidence.fixture
-        return angle, np.zeros(0) if fixture is None else fixture.predicted(e)
+        if fixture is None:
+            return self.chain.run(to_x(z), e)[0], np.zeros(0)
+        deviation, seat = fixture.simulate(e)
+        return self.chain.seated(seat).run(to_x(z), e)[0], deviation
 
     def blocks(self, z: Floats) -> tuple[list[Block], Floats]:
         """Linearise at `z`: rows of all trials and calibrations; and the prediction."""
@@ -249,13 +273,15 @@ class AngleProblem:
             slopes[:, k] = (up - y) / step
             fixture_slopes[:, k] = (fixture_up - fixed) / step
         e = self.effects(z)
-        quick, _ = self.chain.run(paced(to_x(z), 1.0 + _PACE_STEP), e)
+        seat = Seat() if evidence.fixture is None else evidence.fixture.simulate(e)[1]
+        quick, _ = self.chain.seated(seat).run(paced(to_x(z), 1.0 + _PACE_STEP), e)
         pace = (quick - y) / _PACE_STEP
         curve = curve_columns(y)
         late = np.zeros((y.size, 1))
         for rows in evidence.rows:
             late[rows, 0] = -np.gradient(y[rows], grid.time_s[rows])
         blocks = []
+        trials = len(grid.trials)
         for i, rows in enumerate(evidence.rows):
             used = rows[self.keep[rows]]
             if used.size == 0:
@@ -273,6 +299,7 @@ class AngleProblem:
                     y[used, None],
                     np.ones((used.size, 1)),
                     pace[used, None],
+                    self._wave(used),
                     evidence.support[i][local],
                 ]
             )
@@ -283,6 +310,7 @@ class AngleProblem:
                     [self.late, self.walk],
                     self.steps,
                     self.own[i],
+                    self.waves[i : i + 1].ravel(),
                     self.support[evidence.support_index[i]],
                 ]
             )
@@ -295,31 +323,58 @@ class AngleProblem:
                 Block(
                     fixture.deviation_deg - fixed,
                     1.0 / fixture.sigma_deg**2,
-                    fixture_slopes,
-                    np.arange(self.parameters),
+                    np.hstack([fixture_slopes, self._fixture_wave(fixture)]),
+                    np.concatenate([np.arange(self.parameters), self.waves[trials:].ravel()]),
                 )
             )
         if evidence.drift_deg.size:
             blocks.append(self._drift_block())
         return blocks, y
 
+    def _wave(self, rows: Integers) -> Floats:
+        """Cosine and sine of the interference, its phase being each trial's own."""
+        if self.pickup_hz is None:
+            return np.zeros((rows.size, 0))
+        phase = 2.0 * np.pi * self.pickup_hz * self.evidence.grid.time_s[rows]
+        return np.column_stack([np.cos(phase), np.sin(phase)])
+
+    def _fixture_wave(self, fixture: Fixture) -> Floats:
+        """Give the interference in the fixture, a phase for each calibration."""
+        columns = np.zeros((fixture.time_s.size, self.waves[len(self.evidence.grid.trials) :].size))
+        if self.pickup_hz is not None:
+            phase = 2.0 * np.pi * self.pickup_hz * fixture.time_s
+            for log in range(columns.shape[1] // 2):
+                here = fixture.log == log
+                columns[here, 2 * log] = np.cos(phase[here])
+                columns[here, 2 * log + 1] = np.sin(phase[here])
+        return np.asarray(fixture.average @ columns)
+
+    def at(self, z: Floats, rounds: int = 6) -> Fit:
+        """Take `z` as it is: variances and nuisances alone are estimated."""
+        blocks, y = self.blocks(z)
+        normal = normal_equations(blocks, self.size)
+        return self._result(z, y, solve(normal, self.prior(z), self.scales**2, rounds), blocks)
+
     def _drift_block(self) -> Block:
         evidence = self.evidence
         rows = evidence.drift_deg.size
         zero = np.ones((rows, 1 + self.steps.size))
         zero[:, 0] = float(evidence.grid.orders.max())
+        # A curve that has changed since it was calibrated shows again in a later calibration.
+        shape = curve_columns(evidence.drift_angle_deg) if self.changed else np.zeros((rows, 0))
+        index = self.curve if self.changed else self.curve[:0]
         return Block(
             evidence.drift_deg,
             1.0 / evidence.drift_sigma_deg**2,
-            zero,
-            np.concatenate([[self.walk], self.steps]),
+            np.hstack([shape, zero]),
+            np.concatenate([index, [self.walk], self.steps]),
         )
 
     def prior(self, z: Floats) -> Prior:
         """Prior of all columns' coefficients, those of the parameters as steps from `z`."""
         mean = np.zeros(self.size)
         mean[: self.parameters] = self.centre - z
-        return Prior(mean, self.variance, self.group, SCALES)
+        return Prior(mean, self.variance, self.group, self.scales)
 
     def fit(self, start: Floats) -> Fit:
         """Search from `start`.
@@ -330,7 +385,7 @@ class AngleProblem:
             The best point met.
         """
         z = np.clip(start, self.low, self.high)
-        variances = SCALES**2
+        variances = self.scales**2
         best: tuple[float, Floats, Floats, Solution, list[Block]] | None = None
         step = np.zeros(z.size)
         for _ in range(_MOST_STEPS):
@@ -388,14 +443,15 @@ class AngleProblem:
         if self.slips:
             zeros = zeros + np.cumsum(b[self.steps])
         shared += curve + zeros[evidence.grid.sample_trial]
-        for block, rows in zip(blocks, self._used_rows(), strict=False):
+        residual = residual - curve - zeros[evidence.grid.sample_trial]
+        for block, rows in zip(blocks, self.used_rows(), strict=False):
             full = block.columns @ b[block.index]
             support = np.isin(block.index, self.support)
             discrepancy[rows] = block.columns[:, support] @ b[block.index][support]
             residual[rows] = block.residual - full + discrepancy[rows]
         return Fit(
             ids=self.ids,
-            free=self.free,
+            level=self.level,
             x=to_x(z),
             effects=self.effects(z),
             searched=z,
@@ -410,7 +466,8 @@ class AngleProblem:
             log_evidence=solution.log_evidence,
         )
 
-    def _used_rows(self) -> list[Integers]:
+    def used_rows(self) -> list[Integers]:
+        """By trial that takes part, its averaged samples."""
         used = [rows[self.keep[rows]] for rows in self.evidence.rows]
         return [rows for rows in used if rows.size]
 

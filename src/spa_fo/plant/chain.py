@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -96,6 +97,45 @@ class Memory:
 
 
 @dataclass(frozen=True)
+class Seat:
+    """How the sensor comes from its first calibration.
+
+    Attributes
+    ----------
+    film : array
+        State of the film; a fresh one by default.
+    known_deg, bias_deg : (k,) arrays
+        What a sensor with hysteresis or creep read too much at the known angles, which the
+        calibrated curve has taken up.
+    """
+
+    film: Floats = field(default_factory=lambda: np.zeros(4 + CREEP_TIMES_S.size))
+    known_deg: Floats = field(default_factory=lambda: np.zeros(1))
+    bias_deg: Floats = field(default_factory=lambda: np.zeros(1))
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Return lists, ready for JSON."""
+        return {name: getattr(self, name).tolist() for name in ("film", "known_deg", "bias_deg")}
+
+    @classmethod
+    def from_dict(cls, document: dict[str, Any]) -> Seat:
+        """Read what `to_dict` wrote.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            Something else was written.
+        """
+        film, known, bias = (
+            np.asarray(document[name], dtype=np.float64)
+            for name in ("film", "known_deg", "bias_deg")
+        )
+        if film.shape != cls().film.shape or known.shape != bias.shape or known.ndim != 1:
+            raise ValueError("film, known_deg and bias_deg do not belong together")
+        return cls(film, known, bias)
+
+
+@dataclass(frozen=True)
 class Chain:
     """A campaign ready to be simulated many times.
 
@@ -113,6 +153,8 @@ class Chain:
         Of the fractional memory.
     memory : Memory
         What the specimen remembers at the start.
+    seat : Seat
+        How the sensor came from its first calibration.
     """
 
     grid: CampaignGrid
@@ -121,6 +163,14 @@ class Chain:
     reference_kpa: float
     contour: Contour
     memory: Memory = field(default_factory=Memory)
+    seat: Seat = field(default_factory=Seat)
+
+    def seated(self, seat: Seat) -> Chain:
+        """Return the chain with a sensor that comes from this calibration."""
+        seated = replace(self, seat=seat, memory=replace(self.memory, film=seat.film))
+        if self.is_pressure:
+            seated.__dict__["_known_load"] = self._known_load
+        return seated
 
     def pressure(self, effects: Floats, play: Floats) -> Floats:
         """Give the true pressure on the cells, kPa."""
@@ -151,8 +201,7 @@ class Chain:
     def readings(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials; the reading (deg) at the end of each step."""
         grid, memory = self.grid, self.memory.copy()
-        pressure = self.pressure(effects, memory.play_kpa)
-        load = grid.step_means(pressure) / self.reference_kpa
+        load = self._load(effects, memory.play_kpa)
         if not math.isnan(effects[DRIVE_BACKLASH]) and not self.is_pressure:
             load[grid.cells == 0] = _resting(effects) / self.reference_kpa
         c = self.contour
@@ -174,6 +223,16 @@ class Chain:
         )
         reading = read_angle(np.degrees(angle), grid.level, effects, memory.film)
         return reading, replace(memory, ends_s=grid.ends_s)
+
+    def _load(self, effects: Floats, play: Floats) -> Floats:
+        """Mean of u over each step."""
+        if self.is_pressure:
+            return self._known_load
+        return self.grid.step_means(self.pressure(effects, play)) / self.reference_kpa
+
+    @cached_property
+    def _known_load(self) -> Floats:
+        return self.grid.step_means(self.input_kpa) / self.reference_kpa
 
     def observed(self, reading: Floats, effects: Floats) -> Floats:
         """Take the reading at the grid's averaged samples."""
@@ -200,12 +259,26 @@ class Chain:
         if math.isnan(effects[_LATENCY]):
             y = (1.0 - share) * before[step] + share * reading[step]
         else:
-            y = _delayed(
-                reading, grid.level, grid.step_starts, step, share, trial, effects[_LATENCY]
+            delay, window = effects[_LATENCY : _LATENCY + 2]
+            y = np.mean(
+                [
+                    _delayed(reading, grid.level, grid.step_starts, step, share, trial, late)
+                    for late in smeared(delay, window)
+                ],
+                axis=0,
             )
+        if self.seat.bias_deg.any():
+            y = y - np.interp(y, self.seat.known_deg, self.seat.bias_deg)
         if not math.isnan(effects[_SLIP]):
             y = y + slipped(grid.orders, effects)[trial]
         return np.asarray(y)
+
+
+def smeared(delay_s: float, window_share: float) -> Floats:
+    """Delays whose mean is the channel's: a buffer has one, a moving average a spread of them."""
+    if window_share < 1e-3:
+        return np.array([delay_s])
+    return delay_s * (1.0 + window_share * np.linspace(-0.8, 0.8, 5))
 
 
 def slipped(orders: Integers, effects: Floats) -> Floats:

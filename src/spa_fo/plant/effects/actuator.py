@@ -147,7 +147,7 @@ def move(
                             / (beyond + soft) ** 2
                         )
                 if mullins:
-                    part, tangent = _virgin_moment(middle, virgin, e[MULLINS_SOFTENING + 2])
+                    part, tangent = _virgin_moment(middle, virgin, e[MULLINS_SOFTENING + 3])
                     moment += e[MULLINS_SOFTENING] * part
                     slope += e[MULLINS_SOFTENING] * tangent
                 if rubbing:
@@ -170,7 +170,14 @@ def move(
         if rubbing:
             _rub(new - angle, stops, math.radians(e[HYSTERESIS + 1]))
         if mullins:
-            _soften(angle, new, virgin, e[MULLINS_SOFTENING + 1])
+            _soften(
+                angle,
+                new,
+                STEPS_S[k],
+                virgin,
+                e[MULLINS_SOFTENING + 1],
+                e[MULLINS_SOFTENING + 2],
+            )
         angle = new
         out[i] = angle
         if creeping:
@@ -211,12 +218,16 @@ def _virgin_moment(angle: float, virgin: Floats, share: float) -> tuple[float, f
 
 
 @njit
-def _soften(before: float, after: float, virgin: Floats, loadings: float) -> None:
-    """Each passing of a level upwards is one loading to it."""
-    if after > before:
-        for j in range(virgin.size):
-            if before < MULLINS_LEVELS[j] <= after:
-                virgin[j] *= math.exp(-1.0 / loadings)
+def _soften(
+    before: float, after: float, step: float, virgin: Floats, loadings: float, dwell: float
+) -> None:
+    """Soften each level when it is passed upwards, and while the angle stays beyond it."""
+    for j in range(virgin.size):
+        if after > MULLINS_LEVELS[j]:
+            damage = step / dwell
+            if before < MULLINS_LEVELS[j]:
+                damage += 1.0 / loadings
+            virgin[j] *= math.exp(-damage)
 
 
 @njit

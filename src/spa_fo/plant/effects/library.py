@@ -81,15 +81,19 @@ def _share(name: str, centre: float = 0.3, spread: float = 0.3, high: float = 1.
     return Parameter(name, "1", centre, spread, 0.0, high, starts=(centre,))
 
 
+def _late(name: str) -> Parameter:
+    return Parameter(name, "s", 0.0, 0.12, 0.0, 2.0, starts=(0.03, 0.12, 0.4))
+
+
 CURVE_KNOTS_DEG = (-10.0, 0.0, 12.0, 24.0, 36.0, 48.0, 60.0, 75.0, 90.0)
 """Angles between which an unknown sensor curve is drawn straight; it is right at 0°."""
 
 _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
-    ("dead_time", "drive", (_size("delay_s", "s", 0.1, 1.5, 0.05),)),
+    ("dead_time", "drive", (_late("delay_s"),)),
     (
         "line_lag",
         "drive",
-        (_size("time_constant_s", "s", 0.2, 5.0, 0.1), _share("second_pole", high=0.5)),
+        (_late("time_constant_s"), _share("second_pole", high=0.5)),
     ),
     (
         "supply_droop",
@@ -103,13 +107,16 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
     (
         "leak",
         "drive",
-        (_size("rate_per_s", "1/s", 0.01, 0.3, 0.004), _size("makeup_per_s", "1/s", 0.05, 2.0, 0.01)),
+        (
+            _size("rate_per_s", "1/s", 0.01, 0.3, 0.004),
+            _size("makeup_per_s", "1/s", 0.05, 2.0, 0.01),
+        ),
     ),
     (
         "slew_limit",
         "drive",
         (
-            _shape("rise_kpa_s", "kPa/s", 120.0, 3.0, 2.0, 5000.0, 60.0, 250.0),
+            _shape("rise_kpa_s", "kPa/s", 120.0, 3.0, 2.0, 3000.0, 30.0, 70.0, 200.0),
             _shape("fall_ratio", "1", 1.0, 1.6, 0.1, 10.0),
             _shape("approach_s", "s", 0.03, 2.0, 0.005, 1.0),
         ),
@@ -118,7 +125,10 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
     (
         "stiffening",
         "actuator",
-        (_size("fraction_at_60deg", "1", 0.08, 2.0, 0.05), _shape("exponent", "1", 2.2, 1.5, 0.8, 8.0)),
+        (
+            _size("fraction_at_60deg", "1", 0.08, 2.0, 0.05),
+            _shape("exponent", "1", 2.2, 1.5, 0.8, 8.0),
+        ),
     ),
     (
         "gravity_load",
@@ -142,7 +152,8 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
         "actuator",
         (
             _size("fraction", "1", 0.12, 1.0, 0.06),
-            _shape("loadings", "1", 1.3, 1.8, 0.3, 12.0),
+            _shape("loadings", "1", 2.0, 2.2, 0.2, 30.0),
+            _shape("dwell_s", "s", 25.0, 2.5, 1.0, 500.0),
             _size("level_share", "1", 0.6, 1.0, 0.5),
         ),
     ),
@@ -154,14 +165,17 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
     (
         "hysteresis",
         "actuator",
-        (_size("moment_deg", "deg", 3.0, 25.0, 1.5), _shape("turn_deg", "deg", 20.0, 1.8, 2.0, 120.0)),
+        (
+            _size("moment_deg", "deg", 3.0, 25.0, 1.5),
+            _shape("turn_deg", "deg", 20.0, 1.8, 2.0, 120.0),
+        ),
     ),
     (
         "thermal_drift",
         "actuator",
         (
-            _size("per_hour", "1/h", 0.15, 2.0, 0.06, low=-0.9),
-            _size("fading_per_hour", "1/h", 0.8, 4.0, 0.3),
+            _size("per_hour", "1/h", 0.15, 0.9, 0.06, low=-0.7),
+            _size("fading_per_hour", "1/h", 0.8, 3.0, 0.3),
         ),
     ),
     ("parameter_shift", "actuator", ()),
@@ -185,7 +199,7 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
     (
         "sensor_lag",
         "sensor",
-        (_size("time_constant_s", "s", 0.2, 5.0, 0.1), _share("second_pole", high=0.5)),
+        (_late("time_constant_s"), _share("second_pole", high=0.5)),
     ),
     (
         "sensor_creep",
@@ -195,7 +209,10 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
     (
         "sensor_hysteresis",
         "sensor",
-        (_size("width_deg", "deg", 2.0, 20.0, 1.0), _shape("turn_deg", "deg", 2.5, 2.0, 0.3, 40.0)),
+        (
+            _size("width_deg", "deg", 2.0, 20.0, 1.0),
+            _shape("turn_deg", "deg", 3.0, 2.5, 0.3, 40.0, 2.0, 7.0),
+        ),
     ),
     (
         "sensor_slip",
@@ -205,11 +222,18 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
             _size("zero_deg", "deg", 1.0, 25.0, 0.0, low=-25.0),
         ),
     ),
-    ("channel_latency", "acquisition", (_size("delay_s", "s", 0.1, 1.5, 0.05),)),
+    (
+        "channel_latency",
+        "acquisition",
+        (_late("delay_s"), Parameter("window_share", "1", 0.0, 0.6, 0.0, 1.0, starts=(0.2,))),
+    ),
     (
         "mains_pickup",
         "acquisition",
-        (_size("amplitude_deg", "deg", 2.0, 30.0, 0.5), _size("frequency_hz", "Hz", 1e3, 1e6, 10.0)),
+        (
+            _size("amplitude_deg", "deg", 2.0, 30.0, 0.5),
+            _size("frequency_hz", "Hz", 1e3, 1e6, 10.0),
+        ),
     ),
 )
 

@@ -1,0 +1,228 @@
+"""Every explanation that is considered, fitted: drive and angle apart, then together.
+
+Where the pressure was measured, the drive's effects are judged by it and the others by the angle
+that this pressure should give; their evidence adds up. Without it the drive's effects stand in the
+angle's chain like all others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.drive import DriveFit, fit_drive, fit_drives
+from spa_fo.gap.evidence import Evidence, angle_chain, modelled_pressure, tolerant
+from spa_fo.gap.explain import AngleProblem, Fit, Slot, best_fit, to_z
+from spa_fo.gap.pickup import Pickup, fast_line, slow_line
+from spa_fo.plant.chain import Chain
+from spa_fo.plant.effects.library import IDS, LIBRARY
+from spa_fo.plant.memory import FINEST_STEP_S
+
+Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
+
+_PAIRED = 6  # so many of the best single effects are tried in pairs
+_IRRELEVANT = 0.2  # of the noise floor: a smaller drive effect is none
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """All fits of one campaign.
+
+    Attributes
+    ----------
+    evidence : Evidence
+        What was fitted.
+    given : (5,) array
+        Coefficients of the given model.
+    own : bool
+        Whether that model was fitted to this campaign's own gap.
+    chain : Chain
+        The simulator that the angle's fits used.
+    drives : dict
+        Fits of the pressure by drive effects; empty where it was not measured.
+    angles : dict
+        Fits of the angle by (effects, level).
+    fast : Pickup
+        The strongest fast line of the flex channel.
+    slow : Pickup or None
+        The strongest slow one.
+    """
+
+    evidence: Evidence
+    given: Floats
+    own: bool
+    chain: Chain
+    drives: dict[Ids, DriveFit]
+    angles: dict[tuple[Ids, str], Fit]
+    fast: Pickup
+    slow: Pickup | None
+
+    @property
+    def drive(self) -> DriveFit | None:
+        """The best fit of the pressure."""
+        return max(self.drives.values(), key=lambda fit: fit.log_evidence, default=None)
+
+
+def ordered(ids: Sequence[str]) -> Ids:
+    """Put effects in the library's order."""
+    return tuple(sorted(ids, key=IDS.index))
+
+
+def consider(
+    evidence: Evidence, given: Floats, own: bool, excluded: Sequence[str] = ()
+) -> Candidates:
+    """Fit everything.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The campaign.
+    given : (5,) array
+        Coefficients of the plain model.
+    own : bool
+        Whether the model was fitted to this campaign: then the coefficients are free in every
+        explanation, as they have bent with the gap.
+    excluded : sequence of str
+        Effects that the library is to lack.
+    """
+    evidence = _tolerant(evidence, given, own)
+    drives = fit_drives(evidence, excluded) if evidence.has_pressure else {}
+    drives = _relevant(evidence, given, drives)
+    chain = angle_chain(evidence, given, _known_pressure(evidence, drives))
+    fitter = _Fitter(evidence, chain, given)
+    singles = [
+        name
+        for name in IDS
+        if name not in excluded
+        and name not in ("mains_pickup", "parameter_shift")
+        and not (drives and LIBRARY[name].stage == "drive")
+    ]
+    base = fitter.fit((), "known")
+    free = fitter.fit((), "free", base.searched)
+    levels = ("free",) if own else ("near", "free")
+    for name in singles:
+        for level in levels:
+            fitter.single(name, level, free.searched if level == "free" else base.searched)
+    fast = fast_line(evidence)
+    slow = None
+    if "mains_pickup" not in excluded:
+        level = levels[0]
+        start = free if own else base
+        slow = slow_line(fitter.problem((), level), start.searched)
+        fitter.fit(("mains_pickup",), level, start.searched, slow.frequency_hz)
+    ranked = sorted(
+        singles,
+        key=lambda name: -max(fitter.fits[((name,), level)].log_evidence for level in levels),
+    )
+    for pair in combinations(ranked[:_PAIRED], 2):
+        fitter.pair(ordered(pair), levels[0])
+    return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow)
+
+
+def _tolerant(evidence: Evidence, given: Floats, own: bool) -> Evidence:
+    """Look at the gaps first: what has to be explained says how exactly it has to be."""
+    grid = evidence.grid
+    kpa = pressure = None
+    if evidence.has_pressure:
+        plain = fit_drive(evidence, ())
+        kpa = plain.missed_kpa
+        pressure = _with_missed(evidence, plain)
+    chain = angle_chain(evidence, given, pressure)
+    fit = AngleProblem(evidence, chain, given, (), "known").fit(to_z(given))
+    if own:
+        fit = AngleProblem(evidence, chain, given, (), "free").fit(fit.searched)
+    deg = grid.angle_deg - fit.predicted_deg
+    # A part of each trial's deviation is its own.
+    deg = np.sign(deg) * np.maximum(np.abs(deg) - evidence.noise_deg, 0.0)
+    return tolerant(evidence, deg, kpa)
+
+
+def _relevant(
+    evidence: Evidence, given: Floats, drives: dict[Ids, DriveFit]
+) -> dict[Ids, DriveFit]:
+    """Leave out fits with a member that hardly moves the angle."""
+    chain = angle_chain(evidence, given, None)
+    kept = {}
+    for ids, fit in drives.items():
+        full, _ = chain.run(given, fit.effects)
+        moved = []
+        for name in ids:
+            less = fit.effects.copy()
+            less[LIBRARY[name].slots] = np.nan
+            without, _ = chain.run(given, less)
+            moved.append(float(np.sqrt(np.mean((full - without) ** 2))))
+        if all(size > _IRRELEVANT * evidence.noise_deg for size in moved):
+            kept[ids] = fit
+    return kept
+
+
+def _known_pressure(evidence: Evidence, drives: dict[Ids, DriveFit]) -> Floats | None:
+    """True pressure as far as it is known: the best model of the drive and what it misses."""
+    if not drives:
+        return None
+    return _with_missed(evidence, max(drives.values(), key=lambda fit: fit.log_evidence))
+
+
+def _with_missed(evidence: Evidence, fit: DriveFit) -> Floats:
+    """Modelled pressure on the cells, and the repeated part of what the model misses."""
+    grid = evidence.grid
+    pressure = modelled_pressure(evidence, fit.effects)
+    for trial, rows in enumerate(evidence.rows):
+        first, end = grid.cell_starts[trial : trial + 2]
+        time = FINEST_STEP_S * (np.arange(end - first) + 0.5)
+        pressure[first:end] += np.interp(time, grid.time_s[rows], fit.missed_kpa[rows])
+    return pressure
+
+
+class _Fitter:
+    """Fits explanations of the angle and keeps them."""
+
+    def __init__(self, evidence: Evidence, chain: Chain, given: Floats) -> None:
+        self.evidence = evidence
+        self.chain = chain
+        self.given = given
+        self.fits: dict[tuple[Ids, str], Fit] = {}
+
+    def problem(self, ids: Ids, level: str, pickup_hz: float | None = None) -> AngleProblem:
+        return AngleProblem(self.evidence, self.chain, self.given, ids, level, pickup_hz=pickup_hz)
+
+    def fit(
+        self, ids: Ids, level: str, start: Floats | None = None, pickup_hz: float | None = None
+    ) -> Fit:
+        problem = self.problem(ids, level, pickup_hz)
+        self.fits[(ids, level)] = problem.fit(to_z(self.given) if start is None else start[:5])
+        return self.fits[(ids, level)]
+
+    def single(self, name: str, level: str, base: Floats) -> None:
+        problem = self.problem((name,), level)
+        starts = problem.starts(base)
+        near = self.fits.get(((name,), "near"))
+        if near is not None:
+            starts = [near.searched, starts[0]]
+        fits = [problem.fit(start) for start in starts]
+        if name == "sensor_nonlinearity" and self.evidence.drift_deg.size:
+            changed = AngleProblem(
+                self.evidence, self.chain, self.given, (name,), level, changed=True
+            )
+            fits.append(changed.fit(starts[0]))
+        self.fits[((name,), level)] = best_fit(fits)
+
+    def pair(self, ids: Ids, level: str) -> None:
+        problem = self.problem(ids, level)
+        known = [self.fits[((name,), level)] for name in ids]
+        better = max(known, key=lambda fit: fit.log_evidence)
+        values = {
+            slot.place: value
+            for fit in known
+            for slot, value in zip(self._slots(fit), fit.searched[5:], strict=True)
+        }
+        at_singles = np.array([values[slot.place] for slot in problem.slots])
+        self.fits[(ids, level)] = problem.fit(np.concatenate([better.searched[:5], at_singles]))
+
+    def _slots(self, fit: Fit) -> list[Slot]:
+        return self.problem(fit.ids, fit.level).slots

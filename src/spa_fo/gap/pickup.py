@@ -1,0 +1,127 @@
+"""Interference on the flex channel: a line in the spectrum of what no response can follow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.evidence import Evidence
+from spa_fo.gap.explain import PICKUP, AngleProblem
+from spa_fo.gap.mixed import Block, Prior, normal_equations, solve
+
+Floats = NDArray[np.float64]
+
+_PADDED = 8192
+_SLOWEST_FAST_HZ = 3.2  # of the lines that the averaged samples do not show
+_SLOW_HZ = np.geomspace(0.02, _SLOWEST_FAST_HZ, 30)
+_FEWEST = 4  # samples of a step that say something about what is fast
+
+
+@dataclass(frozen=True)
+class Pickup:
+    """A spectral line.
+
+    Attributes
+    ----------
+    frequency_hz, amplitude_deg : float
+        As logged: above half the sampling rate it is an alias.
+    fast_gain : float
+        Log evidence for it from within the averaging steps; 0 where it is slower.
+    is_slow : bool
+        Whether the averaged samples show it.
+    """
+
+    frequency_hz: float
+    amplitude_deg: float
+    fast_gain: float
+    is_slow: bool
+
+
+def fast_line(evidence: Evidence) -> Pickup:
+    """Find the strongest line above 3 Hz, and how much it explains.
+
+    Its phase is each trial's own, its amplitude one for all; the search over frequencies is paid
+    for.
+    """
+    rate, pieces = _fast(evidence)
+    frequency = np.fft.rfftfreq(_PADDED, 1.0 / rate)
+    power = np.zeros(frequency.size)
+    per_trial = []
+    for piece in pieces:
+        known = np.isfinite(piece)
+        count = int(np.count_nonzero(known))
+        spectrum = np.abs(np.fft.rfft(np.where(known, piece, 0.0), _PADDED)) ** 2
+        per_trial.append((count, spectrum))
+        power += 2.0 * spectrum / max(count, 1)
+    power[frequency < _SLOWEST_FAST_HZ] = 0.0
+    best = int(np.argmax(power))
+    n = sum(count for count, _ in per_trial)
+    total = sum(float(np.nansum(piece**2)) for piece in pieces)
+    noise = max(total - float(power[best]), 1e-9 * total) / n
+    q = np.array([spectrum[best] / (max(count, 1) * noise) for count, spectrum in per_trial])
+    counts = np.array([count for count, _ in per_trial])
+    # By amplitude, one for all trials, its phases integrated out.
+    amplitudes = np.geomspace(0.003, 30.0, 200)
+    kappa = np.outer(amplitudes**2, counts) / (4.0 * noise)
+    gains = np.sum(q * kappa / (1.0 + kappa) - np.log1p(kappa), axis=1)
+    at = int(np.argmax(gains))
+    gain = float(gains[at]) - np.log(_PADDED / 2.0) - np.log(amplitudes.size)
+    return Pickup(float(frequency[best]), float(amplitudes[at]), max(gain, 0.0), False)
+
+
+def _fast(evidence: Evidence) -> tuple[float, list[Floats]]:
+    """What the angle does within the averaging steps, on a uniform grid with NaN in its gaps."""
+    grid = evidence.grid
+    interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in grid.trials])))
+    pieces = []
+    for trial, rows in zip(grid.trials, evidence.rows, strict=True):
+        good = ~trial.after_reset
+        t = trial.t_s[good]
+        smooth = np.interp(t, grid.time_s[rows], grid.angle_deg[rows])
+        dense = np.interp(t, grid.time_s[rows], grid.counts[rows]) >= _FEWEST
+        piece = np.full(int(round(t[-1] / interval)) + 1, np.nan)
+        piece[np.rint(t[dense] / interval).astype(int)] = (trial.angle_deg[good] - smooth)[dense]
+        pieces.append(piece[:_PADDED] - np.nanmean(piece) if dense.any() else piece[:_PADDED])
+    return 1.0 / interval, pieces
+
+
+def slow_line(problem: AngleProblem, z: Floats) -> Pickup:
+    """Find the line below 3 Hz that explains most beside the problem's effects at `z`."""
+    blocks, _ = problem.blocks(z)
+    prior = problem.prior(z)
+    found = _best_of(problem, blocks, prior, _SLOW_HZ)
+    step = _SLOW_HZ[1] / _SLOW_HZ[0]
+    for _ in range(4):
+        found = _best_of(problem, blocks, prior, found * np.geomspace(1.0 / step, step, 7))
+        step = step ** (1.0 / 3.0)
+    return Pickup(found, 0.0, 0.0, True)
+
+
+def _best_of(
+    problem: AngleProblem, blocks: list[Block], prior: Prior, frequencies: Floats
+) -> float:
+    """Add a wave of each frequency to the linearised problem; return the most probable one."""
+    grid, rows = problem.evidence.grid, problem.used_rows()
+    waves = problem.size + np.arange(2 * len(rows)).reshape(-1, 2)
+    more = np.full(waves.size, PICKUP)
+    wider = Prior(
+        np.concatenate([prior.mean, np.zeros(waves.size)]),
+        np.concatenate([prior.variance, np.ones(waves.size)]),
+        np.concatenate([prior.group, more]),
+        prior.scale,
+    )
+    size = problem.size + waves.size
+    evidence = []
+    for frequency in frequencies.tolist():
+        waved = list(blocks)
+        for i, used in enumerate(rows):
+            phase = 2.0 * np.pi * frequency * grid.time_s[used]
+            columns = np.column_stack([blocks[i].columns, np.cos(phase), np.sin(phase)])
+            waved[i] = replace(
+                blocks[i], columns=columns, index=np.concatenate([blocks[i].index, waves[i]])
+            )
+        normal = normal_equations(waved, size)
+        evidence.append(solve(normal, wider, problem.scales**2, rounds=2).log_evidence)
+    return float(frequencies[int(np.argmax(evidence))])

@@ -1,0 +1,232 @@
+"""From fitted explanations to probabilities, and from these to an answer, or to none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.candidates import Candidates, Ids
+from spa_fo.gap.evidence import Evidence
+from spa_fo.gap.explanation import Explanation, combined, simulate
+from spa_fo.plant.effects.library import IDS, LIBRARY
+
+Floats = NDArray[np.float64]
+Kind = Literal["no_gap", "cause", "ambiguous", "unknown"]
+
+TEMPER = 0.3
+"""Power of the evidence: forms are not quite true, and samples are not quite independent."""
+_LOG_NONE = np.log(0.3)
+_LOG_SINGLE = np.log(0.5 / len(IDS))
+_LOG_PAIR = np.log(0.2 / (len(IDS) * (len(IDS) - 1) / 2))
+_LOG_FURTHER = -5.0
+_SHORTLIST = 60.0  # nats behind the best that may still matter after tempering
+RELEVANT = 0.25
+"""An effect that moves the angle by less than this part of the noise floor is none."""
+COVERED = 0.95
+"""Probability that the verdict's sets hold together, of what is named at all."""
+_LEAST = 0.04  # probability below which a set is not listed
+
+
+@dataclass(frozen=True)
+class Scored:
+    """An explanation with its weight and what it leaves.
+
+    Attributes
+    ----------
+    explanation : Explanation
+        The explanation.
+    moved_deg : dict
+        RMS by which each of its effects moves the angle.
+    leftover_deg : float
+        RMS of what repeats in the residual, samples of a step counting as one.
+    fixture_deg : float
+        The same of the calibrations' dwells.
+    pressure_kpa : float
+        The same of the pressure.
+    probability : float
+        Among the explanations, `unknown` not counted.
+    """
+
+    explanation: Explanation
+    moved_deg: dict[str, float]
+    leftover_deg: float
+    fixture_deg: float
+    pressure_kpa: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer.
+
+    Attributes
+    ----------
+    kind : {"no_gap", "cause", "ambiguous", "unknown"}
+        What sort of answer.
+    sets : tuple of tuples of str
+        Explanations that stand; with `unknown`, the part that is explained.
+    scored : tuple of Scored
+        Every explanation that came near, most probable first.
+    unknown : float
+        Probability that the library lacks the cause.
+    p_value : float
+        Of no gap: a bound by the Bayes factor against it.
+    """
+
+    kind: Kind
+    sets: tuple[Ids, ...]
+    scored: tuple[Scored, ...]
+    unknown: float
+    p_value: float
+
+    @property
+    def best(self) -> Scored:
+        """The most probable explanation, `unknown` not counted."""
+        return self.scored[0]
+
+    @property
+    def none(self) -> float:
+        """Probability of no gap."""
+        return sum(s.probability for s in self.scored if not s.explanation.ids) * (
+            1.0 - self.unknown
+        )
+
+
+def log_prior(ids: Ids) -> float:
+    """Logarithm of a set's probability beforehand: small sets first."""
+    if not ids:
+        return float(_LOG_NONE)
+    if len(ids) == 1:
+        return float(_LOG_SINGLE)
+    return float(_LOG_PAIR + _LOG_FURTHER * (len(ids) - 2))
+
+
+def weigh(candidates: Candidates, floor_deg: float) -> list[Scored]:
+    """Give every explanation its probability; sets with an idle member are left out."""
+    evidence = candidates.evidence
+    whole = combined(candidates)
+    score = {e.ids: TEMPER * e.log_evidence + log_prior(e.ids) for e in whole}
+    best = max(score.values())
+    near = [e for e in whole if score[e.ids] > best - TEMPER * _SHORTLIST or not e.ids]
+    moved = {e.ids: moved_by(e, candidates) for e in near}
+    kept = [e for e in near if all(size >= RELEVANT * floor_deg for size in moved[e.ids].values())]
+    weights = np.array([score[e.ids] for e in kept])
+    weights = np.exp(weights - weights.max())
+    weights /= weights.sum()
+    found = [
+        Scored(
+            explanation=e,
+            moved_deg=moved[e.ids],
+            leftover_deg=leftover(evidence, e.fit.residual_deg),
+            fixture_deg=_fixture_leftover(evidence, e),
+            pressure_kpa=0.0
+            if e.drive is None
+            else float(np.sqrt(np.mean(e.drive.missed_kpa[evidence.used] ** 2))),
+            probability=float(weight),
+        )
+        for e, weight in zip(kept, weights, strict=True)
+    ]
+    return sorted(found, key=lambda s: -s.probability)
+
+
+def moved_by(explanation: Explanation, candidates: Candidates) -> dict[str, float]:
+    """RMS over the samples by which each effect of a set moves the angle, deg."""
+    evidence = candidates.evidence
+    full = simulate(explanation, evidence)
+    result = {}
+    for name in explanation.ids:
+        if name == "parameter_shift":
+            less = simulate(explanation, evidence, given=candidates.given)
+        elif name == "mains_pickup" and explanation.pickup is not None:
+            result[name] = explanation.pickup[1] / float(np.sqrt(2.0))
+            continue
+        elif name == "sensor_slip":
+            less = full - explanation.fit.zeros_deg[evidence.grid.sample_trial]
+        else:
+            less = simulate(explanation, evidence, without=(name,))
+        weight = evidence.grid.counts
+        result[name] = float(np.sqrt(np.average((full - less) ** 2, weights=weight)))
+    return result
+
+
+def leftover(evidence: Evidence, residual: Floats) -> float:
+    """RMS of what repeats in a residual, noise taken off, deg."""
+    grid = evidence.grid
+    groups: dict[int, list[int]] = {}
+    for trial in np.flatnonzero(evidence.takes_part).tolist():
+        groups.setdefault(int(evidence.support_index[trial][0]), []).append(trial)
+    square = count = 0.0
+    for trials in groups.values():
+        rows = evidence.rows[trials[0]]
+        time = grid.time_s[rows]
+        every = np.array(
+            [
+                np.interp(time, grid.time_s[evidence.rows[i]], residual[evidence.rows[i]])
+                for i in trials
+            ]
+        )
+        noise = evidence.variance[rows] / len(trials)
+        square += float(np.sum(every.mean(axis=0) ** 2 - noise))
+        count += rows.size
+    return float(np.sqrt(max(square / count, 0.0)))
+
+
+def _fixture_leftover(evidence: Evidence, explanation: Explanation) -> float:
+    fixture = evidence.fixture
+    if fixture is None:
+        return 0.0
+    predicted, _ = fixture.simulate(explanation.effects())
+    missed = fixture.deviation_deg - predicted
+    return float(np.sqrt(max(np.mean(missed**2 - fixture.sigma_deg**2), 0.0)))
+
+
+def judge(scored: Sequence[Scored], unknown: float, p_value: float, significant: bool) -> Verdict:
+    """Turn probabilities into an answer.
+
+    Parameters
+    ----------
+    scored : sequence of Scored
+        All explanations, most probable first.
+    unknown : float
+        Probability that none of them is the cause.
+    p_value : float
+        Of no gap.
+    significant : bool
+        Whether there is a gap at all.
+    """
+    kind: Kind
+    named = [s for s in scored if s.explanation.ids]
+    if not significant:
+        return Verdict("no_gap", (), tuple(scored), unknown, p_value)
+    total = sum(s.probability for s in named)
+    standing: list[Ids] = []
+    held = 0.0
+    for s in named:
+        if standing and (held >= COVERED * total or s.probability < _LEAST * total):
+            break
+        standing.append(s.explanation.ids)
+        held += s.probability
+    if unknown > 0.5:
+        kind = "unknown"
+        standing = standing[:1]
+    else:
+        kind = "cause" if len(standing) == 1 else "ambiguous"
+    return Verdict(kind, tuple(standing), tuple(scored), unknown, p_value)
+
+
+def stage_shares(verdict: Verdict) -> dict[str, float]:
+    """Share of the explained squared gap by stage, over all explanations by probability."""
+    shares = {"drive": 0.0, "actuator": 0.0, "sensor": 0.0, "acquisition": 0.0}
+    for s in verdict.scored:
+        squares = {name: size**2 for name, size in s.moved_deg.items()}
+        total = sum(squares.values())
+        for name, square in squares.items():
+            shares[LIBRARY[name].stage] += s.probability * square / total
+    total = sum(shares.values())
+    if total <= 0.0 or verdict.kind == "no_gap":
+        return dict.fromkeys(shares, 0.0)
+    return {stage: share / total for stage, share in shares.items()}
