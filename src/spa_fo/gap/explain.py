@@ -438,6 +438,9 @@ class AngleProblem:
         shared = y.copy()
         residual = evidence.grid.angle_deg - y
         discrepancy = np.zeros(y.size)
+        for i, rows in enumerate(evidence.rows):
+            coefficients = b[self.support[evidence.support_index[i]]]
+            discrepancy[rows] = evidence.support[i] @ coefficients
         curve = curve_columns(y) @ b[self.curve]
         zeros = b[self.walk] * (evidence.grid.orders - 1.0)
         if self.slips:
@@ -446,8 +449,6 @@ class AngleProblem:
         residual = residual - curve - zeros[evidence.grid.sample_trial]
         for block, rows in zip(blocks, self.used_rows(), strict=False):
             full = block.columns @ b[block.index]
-            support = np.isin(block.index, self.support)
-            discrepancy[rows] = block.columns[:, support] @ b[block.index][support]
             residual[rows] = block.residual - full + discrepancy[rows]
         return Fit(
             ids=self.ids,

@@ -1,0 +1,224 @@
+"""What a diagnosis says, ready for a file, a page and figures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.atomic import write_text
+from spa_fo.plant import Model
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+SCHEMA = "spa-fo/diagnosis/1"
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Whether the plain model misses the campaign by more than trials miss each other, deg."""
+
+    rmse_deg: float
+    noise_floor_deg: float
+    significant: bool
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Where:
+    """Shares of the explainable squared gap, by bin; `stage` sums to 1 where there is a gap."""
+
+    stage: Mapping[str, float]
+    phase: Mapping[str, float]
+    amplitude: Mapping[str, float]
+    direction: Mapping[str, float]
+    trial: Mapping[str, float]
+    frequency: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One explanation that was considered.
+
+    Attributes
+    ----------
+    set : tuple of str
+        Its effects; ``("none",)`` and ``("unknown",)`` are explanations too.
+    probability : float
+        All causes' sum to 1.
+    parameters : mapping
+        Effect -> parameter -> ``{"value": ..., "ci95": [low, high]}``.
+    transfer_function : mapping
+        The coefficients that go with it, by name; empty for unknown.
+    held_out_rmse_deg : float or None
+        Of its predictions of the held-out trials; None where it was not worth computing.
+    leftover_deg : float or None
+        RMS of what repeats in its residual.
+    """
+
+    set: tuple[str, ...]
+    probability: float
+    parameters: Mapping[str, Mapping[str, Mapping[str, Any]]]
+    transfer_function: Mapping[str, float]
+    held_out_rmse_deg: float | None = None
+    leftover_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class Shrink:
+    """How far the gap closes on trials that took no part; contract §4.
+
+    `ceiling_rmse_deg` is what a free-form correction reaches, without any physics; `protocol` is
+    the same on a whole protocol that took no part, with its name, where there is one.
+    """
+
+    held_out_on: str
+    before_rmse_deg: float
+    after_rmse_deg: float
+    refit_only_rmse_deg: float
+    ceiling_rmse_deg: float | None
+    noise_floor_deg: float
+    fraction_closed: float
+    ci95: tuple[float, float]
+    protocol: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Curves for figures, (n,) arrays at averaged samples of all trials in their order.
+
+    Attributes
+    ----------
+    experiment, label : tuple of str
+        Of each trial.
+    trial : (n,) array
+        Index of the trial.
+    time_s, command_kpa, measured_deg, plain_deg, explained_deg, refit_deg : (n,) arrays
+        Within the trial. `explained_deg` is the augmented model's prediction from the command,
+        the plain model's where nothing is explained; `refit_deg` the plain model's identified
+        again.
+    pressure_kpa, drive_kpa : (n,) arrays or None
+        Measured, and as the explanation's drive makes it.
+    held_out : (trials,) bool array
+        Trials that took no part.
+    fixture_angle_deg, fixture_deg, fixture_explained_deg : arrays
+        Calibration dwells, window by window: known angle, what the curve misreads, what the
+        explanation makes of it; empty without a calibration.
+    """
+
+    experiment: tuple[str, ...]
+    label: tuple[str, ...]
+    trial: Integers
+    time_s: Floats
+    command_kpa: Floats
+    measured_deg: Floats
+    plain_deg: Floats
+    explained_deg: Floats
+    refit_deg: Floats
+    pressure_kpa: Floats | None
+    drive_kpa: Floats | None
+    held_out: NDArray[np.bool_]
+    fixture_angle_deg: Floats
+    fixture_deg: Floats
+    fixture_explained_deg: Floats
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The whole diagnosis of one campaign.
+
+    Attributes
+    ----------
+    campaign, material, provenance : str
+        Of the campaign; provenance is "measured" or "synthetic".
+    seed : int
+        Of all that is random.
+    excluded : tuple of str
+        Effects that the library was to lack.
+    gap, where, causes, shrink
+        See their classes; causes most probable first; shrink None where nothing was explained.
+    kind : str
+        "no_gap", "cause", "ambiguous" or "unknown".
+    sets : tuple of tuples of str
+        Explanations that stand.
+    next_experiment : str or None
+        What would tell them apart, in words.
+    offers, misses : tuple of str
+        What evidence the campaign holds, and what it lacks, in words.
+    findings : tuple of str
+        Why `unknown` was or was not said, and what else a reader should know, in words.
+    baselines : mapping
+        What simpler methods would have answered: name -> list of effects.
+    traces : Traces
+        Curves for figures.
+    model : Model
+        Augmented; the plain one where nothing is explained.
+    """
+
+    campaign: str
+    material: str
+    provenance: str
+    seed: int
+    excluded: tuple[str, ...]
+    gap: Gap
+    where: Where
+    causes: tuple[Cause, ...]
+    kind: str
+    sets: tuple[tuple[str, ...], ...]
+    next_experiment: str | None
+    shrink: Shrink | None
+    offers: tuple[str, ...]
+    misses: tuple[str, ...]
+    findings: tuple[str, ...]
+    baselines: Mapping[str, list[str]]
+    traces: Traces
+    model: Model
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of diagnosis.json."""
+        shrink = self.shrink
+        return {
+            "schema": SCHEMA,
+            "campaign": self.campaign,
+            "seed": self.seed,
+            "provenance": self.provenance,
+            "excluded": list(self.excluded),
+            "gap": vars(self.gap),
+            "where": {name: dict(shares) for name, shares in vars(self.where).items()},
+            "causes": [
+                {
+                    "set": list(cause.set),
+                    "probability": cause.probability,
+                    "parameters": cause.parameters,
+                    "transfer_function": cause.transfer_function,
+                    "held_out_rmse_deg": cause.held_out_rmse_deg,
+                    "leftover_deg": cause.leftover_deg,
+                }
+                for cause in self.causes
+            ],
+            "verdict": {
+                "kind": self.kind,
+                "sets": [list(ids) for ids in self.sets],
+                "next_experiment": self.next_experiment,
+            },
+            "shrink": None if shrink is None else {**vars(shrink), "ci95": list(shrink.ci95)},
+            "evidence": {"offers": list(self.offers), "misses": list(self.misses)},
+            "findings": list(self.findings),
+            "baselines": dict(self.baselines),
+        }
+
+
+def write_diagnosis(path: Path | str, diagnosis: Diagnosis) -> None:
+    """Write diagnosis.json, whole or not at all.
+
+    Raises
+    ------
+    BadInput
+        The file cannot be written.
+    """
+    write_text(path, json.dumps(diagnosis.to_dict(), indent=2, allow_nan=False) + "\n")
