@@ -16,6 +16,7 @@ from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, 
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, Memory, chain_for
+from spa_fo.plant.effects.actuator import STOPS, _friction, _rub
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, IDS, LIBRARY, absent, stage_of, switches
 from spa_fo.plant.effects.sensor import read_angle
@@ -94,6 +95,13 @@ def test_a_pump_with_play_starts_the_next_trial_where_it_stopped() -> None:
     first = drive_pressure(one, np.array([0, 4]), effects, play)
     assert first.tolist() == [0.0, 27.0, 1.0, 1.0]
     assert drive_pressure(command, np.array([0, 2]), effects, play).tolist() == [1.0, 1.0]
+
+
+def test_play_leaves_pressure_in_the_actuator_between_trials() -> None:
+    own = trials(step_release(down=8.0), step_release())
+    second = angles(own, vector("drive_backlash", play_kpa=6.0, centre=0.5))[1]
+    static = math.degrees(X[4] / X[3])
+    assert second[:25] == pytest.approx(static * 3.0 / KPA, abs=0.05)
 
 
 # --- pressure -> angle -----------------------------------------------------------------------
@@ -211,6 +219,18 @@ def test_a_moment_in_the_loop_against_a_convolution(name: str) -> None:
     found, plain = angles(own, vector(name))[0], angles(own, absent())[0]
     assert np.abs(found - plain).max() > 2.0
     np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
+
+
+@given(moves=st.lists(st.floats(-1.5, 1.5), min_size=1, max_size=20))
+@settings(max_examples=50, deadline=None)
+def test_friction_stops_one_after_another(moves: list[float]) -> None:
+    twin, stops = naive.Friction(1.0, 0.4), np.zeros(STOPS)
+    for move in moves:
+        found, _ = _friction(move, stops, 0.4)
+        assert found == pytest.approx(twin.moment(0.0, 2.0 * move), abs=1e-12)
+        twin.accept(0.0, move)
+        _rub(move, stops, 0.4)
+        np.testing.assert_allclose(stops, twin.state, atol=1e-12)
 
 
 def test_moments_act_together() -> None:
