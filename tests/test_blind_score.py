@@ -240,7 +240,7 @@ def test_claims_are_close_within_ten_points_and_cover_by_their_own_interval() ->
         shrunk(Claim(0.90, 0.70, 0.99), math.sqrt(4.25), math.sqrt(1.25)),  # covers only
         shrunk(Claim(0.80, 0.79, 0.81), math.sqrt(4.25), math.sqrt(1.25)),  # close only
         shrunk(None, math.sqrt(4.25), math.sqrt(1.25)),  # claims nothing
-        shrunk(Claim(0.80, 0.70, 0.90), 0.6, 0.5),  # no clear gap to judge by
+        shrunk(Claim(0.80, 0.70, 0.90), 1.2, 0.5),  # no clear gap to judge by
     ]
     assert MEASURES["shrink_close"](outcomes).n == 3
     assert MEASURES["shrink_close"](outcomes).value == pytest.approx(2 / 3)

@@ -44,10 +44,11 @@ benchmark has seed {seed}.
 The counting is strict. Naming more than what is at work is a wrong name; an `unknown` that holds
 the truth as the explained part does not count as naming it; sets are counted in the answers that
 name any. Intervals are Wilson's for shares and bootstrap over cases for means. A claimed shrink is
-judged where the plain model's error on the later campaign is at least 1.5 times the noise floor
-({left_out} claims are not); the floor is that of the specimen's own repeated trials. *Refit only*
-identifies the plain model again and names nothing, *smallest BIC* always names the explanation of
-the smallest Bayesian information criterion, *commonest effect* always the same one."""
+judged where the plain model's error on the later campaign is at least {clear:g} times the noise
+floor ({left_out} claims are not), as below the scatter of its few trials hides the fraction; the
+floor is that of the specimen's own repeated trials. *Refit only* identifies the plain model again
+and names nothing, *smallest BIC* always names the explanation of the smallest Bayesian information
+criterion, *commonest effect* always the same one."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ def document(scores: Mapping[str, Any], origin: Origin, folder: str = "blind") -
         _METHOD.format(
             seed=scores["benchmark"]["seed"],
             left_out=scores["shrink_left_out"],
+            clear=scores["shrink_clear"],
         ),
         _cases(scores),
         "## Fair answers where the library lacks the effect",

@@ -15,7 +15,13 @@ from spa_fo.gap.blind.records import NONE, UNKNOWN, Answer, Outcome, Truth
 from spa_fo.gap.blind.statistics import Calibration, Estimate, calibration, mean, rate
 
 SHRINK_TOLERANCE = 0.10
-_CLEAR = 1.5  # times the floor: a smaller gap on the unseen trials gives no fraction to judge by
+CLEAR = 2.5
+"""Multiples of the floor from which on the gap on unseen trials gives a fraction to judge by.
+
+The square of the scatter of six trials varies by 30 %: a gap of 1.5 times the floor would have its
+fraction known within 24 points only, one of 2.5 times within 6.
+"""
+
 
 Question = Callable[[Truth, Answer], bool]
 Measure = Callable[[Sequence[Outcome]], Estimate]
@@ -130,7 +136,7 @@ def shrink_points(outcomes: Sequence[Outcome]) -> tuple[ShrinkPoint, ...]:
     for outcome in outcomes:
         truth, claim, seen = outcome.truth, outcome.answer.claim, outcome.realised
         floor = truth.noise_floor_deg
-        if claim is None or seen is None or seen.before_deg < _CLEAR * floor:
+        if claim is None or seen is None or seen.before_deg < CLEAR * floor:
             continue
         points.append(
             ShrinkPoint(

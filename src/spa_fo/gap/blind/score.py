@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from spa_fo.gap.blind.questions import (
+    CLEAR,
     MEASURES,
     Question,
     ShrinkPoint,
@@ -288,6 +289,7 @@ class Scores:
         document = {
             "schema": SCHEMA,
             **asdict(replace(self, marks=(), effects=())),
+            "shrink_clear": CLEAR,
             "marks": [_mark_document(mark) for mark in self.marks],
             "effects": [
                 asdict(effect) | {"worst_rate": effect.worst_rate} for effect in self.effects
