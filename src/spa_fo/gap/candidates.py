@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from spa_fo.gap.drive import DriveFit, fit_drive, fit_drives
 from spa_fo.gap.evidence import Evidence, angle_chain, modelled_pressure, tolerant
 from spa_fo.gap.explain import AngleProblem, Fit, Slot, best_fit, to_z
+from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.pickup import Pickup, fast_line, slow_line
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import IDS, LIBRARY
@@ -26,7 +27,8 @@ Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
 _PAIRED = 6  # so many of the best single effects are tried in pairs
-_IRRELEVANT = 0.2  # of the noise floor: a smaller drive effect is none
+RELEVANT = 0.35
+"""An effect that moves the angle by less than this part of the noise floor is none."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class Candidates:
         The strongest fast line of the flex channel.
     slow : Pickup or None
         The strongest slow one.
+    excluded : tuple of str
+        Effects that the library lacked.
     """
 
     evidence: Evidence
@@ -61,6 +65,7 @@ class Candidates:
     angles: dict[tuple[Ids, str], Fit]
     fast: Pickup
     slow: Pickup | None
+    excluded: Ids = ()
 
     @property
     def drive(self) -> DriveFit | None:
@@ -121,7 +126,7 @@ def consider(
     )
     for pair in combinations(ranked[:_PAIRED], 2):
         fitter.pair(ordered(pair), levels[0])
-    return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow)
+    return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow, tuple(excluded))
 
 
 def _tolerant(evidence: Evidence, given: Floats, own: bool) -> Evidence:
@@ -147,6 +152,7 @@ def _relevant(
 ) -> dict[Ids, DriveFit]:
     """Leave out fits with a member that hardly moves the angle."""
     chain = angle_chain(evidence, given, None)
+    floor = noise_floor(evidence)
     kept = {}
     for ids, fit in drives.items():
         full, _ = chain.run(given, fit.effects)
@@ -156,7 +162,7 @@ def _relevant(
             less[LIBRARY[name].slots] = np.nan
             without, _ = chain.run(given, less)
             moved.append(float(np.sqrt(np.mean((full - without) ** 2))))
-        if all(size > _IRRELEVANT * evidence.noise_deg for size in moved):
+        if not ids or all(size >= RELEVANT * floor for size in moved):
             kept[ids] = fit
     return kept
 

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 _OFFSET_KPA, _GAIN = 0.4, 0.004  # of the pressure sensor
 
-_BLUR = 0.3  # of the change of pressure within four cells: when exactly it changed is not known
+_BLUR = 0.5  # of the change of pressure within six cells: when exactly it changed is not known
 # A row's pressure is read before its command acts: it belongs to the cell that ends there.
 _BEFORE = 0.9
 _MOST_STEPS = 15
@@ -121,10 +121,10 @@ class _Problem:
         self.scales = np.array([evidence.tolerance_kpa])
 
     def _change(self, cells: Floats) -> Floats:
-        """Change of a pressure about each averaged sample, from two cells before to two after."""
+        """Change of a pressure about each averaged sample, from three cells before to three after."""
         size = cells.size
         at = np.rint(self.at).astype(int)
-        return np.abs(cells[np.minimum(at + 2, size - 1)] - cells[np.maximum(at - 2, 0)])
+        return np.abs(cells[np.minimum(at + 3, size - 1)] - cells[np.maximum(at - 3, 0)])
 
     def effects(self, z: Floats) -> Floats:
         e = absent()

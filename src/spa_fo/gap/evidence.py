@@ -440,6 +440,8 @@ def _pause(earlier: Dwell, later: Dwell) -> float:
 
 def angle_chain(evidence: Evidence, x: Floats, pressure_kpa: Floats | None) -> Chain:
     """Prepare the simulator for this campaign, driven by the command or by a known pressure."""
+    if pressure_kpa is None and evidence.grid.command_kpa is None:
+        pressure_kpa = evidence.grid.pressure_kpa
     return chain_for(evidence.grid, x, evidence.data.campaign.reference_kpa, pressure_kpa)
 
 

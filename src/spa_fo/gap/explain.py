@@ -26,7 +26,7 @@ SCALES = np.array([0.005, 0.2, 0.007, 0.06, 0.4, 1.0])
 
 COEFFICIENT_SPREAD = {
     "known": np.array([0.003, 0.003, 0.008, 0.005, 0.003]),
-    "near": np.array([0.008, 0.008, 0.025, 0.02, 0.01]),
+    "near": np.array([0.005, 0.005, 0.014, 0.01, 0.006]),
     "free": np.array([0.12, 0.12, 0.35, 0.3, 0.25]),
 }
 """Prior spread of (alpha2, alpha1, ln a1, ln a0, ln K) about the given model.
@@ -120,6 +120,8 @@ class Fit:
         Error of the sensor's curve at its knots.
     zeros_deg : (trials,) array
         Zero of the sensor by trial.
+    drift_deg : (m,) array
+        What it makes of later calibrations.
     trial_effects : (trials, 3) array
         Each trial's own gain, rest angle, pace.
     log_evidence : float
@@ -138,6 +140,7 @@ class Fit:
     solution: Solution
     curve_deg: Floats
     zeros_deg: Floats
+    drift_deg: Floats
     trial_effects: Floats
     log_evidence: float
 
@@ -463,9 +466,16 @@ class AngleProblem:
             solution=solution,
             curve_deg=b[self.curve],
             zeros_deg=zeros,
+            drift_deg=self._drift(b),
             trial_effects=b[self.own],
             log_evidence=solution.log_evidence,
         )
+
+    def _drift(self, b: Floats) -> Floats:
+        if not self.evidence.drift_deg.size:
+            return np.zeros(0)
+        block = self._drift_block()
+        return np.asarray(block.columns @ b[block.index])
 
     def used_rows(self) -> list[Integers]:
         """By trial that takes part, its averaged samples."""

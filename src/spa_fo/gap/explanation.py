@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.candidates import Candidates, Ids, ordered
 from spa_fo.gap.drive import DriveFit
-from spa_fo.gap.evidence import Evidence
+from spa_fo.gap.evidence import Evidence, angle_chain
 from spa_fo.gap.explain import Fit
 from spa_fo.plant import Model, TransferFunction
-from spa_fo.plant.chain import Seat, chain_for
+from spa_fo.plant.chain import Seat
 from spa_fo.plant.effects.library import LIBRARY
 
 Floats = NDArray[np.float64]
@@ -93,6 +93,8 @@ def combined(candidates: Candidates) -> list[Explanation]:
                 continue
             names = set(ids) | set(drive.ids if drive is not None else ())
             if level == "free" and not candidates.own:
+                if "parameter_shift" in candidates.excluded:
+                    continue
                 names.add("parameter_shift")
             evidence = fit.log_evidence + (drive.log_evidence if drive is not None else 0.0)
             pickup = None
@@ -144,8 +146,7 @@ def simulate(
     slip = "sensor_slip" in explanation.ids and "sensor_slip" not in without
     e[LIBRARY["sensor_slip"].slots] = np.nan
     e[LIBRARY["mains_pickup"].slots] = np.nan
-    pressure = evidence.grid.pressure_kpa if evidence.grid.command_kpa is None else None
-    chain = chain_for(evidence.grid, x, evidence.data.campaign.reference_kpa, pressure)
+    chain = angle_chain(evidence, x, None)
     angle, _ = chain.seated(seat_of(evidence, e)).run(x, e)
     if slip:
         angle = angle + explanation.fit.zeros_deg[evidence.grid.sample_trial]

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.candidates import Candidates, Ids
+from spa_fo.gap.candidates import RELEVANT, Candidates, Ids
 from spa_fo.gap.evidence import Evidence
 from spa_fo.gap.explanation import Explanation, combined, simulate
 from spa_fo.plant.effects.library import IDS, LIBRARY
@@ -24,8 +24,6 @@ _LOG_SINGLE = np.log(0.5 / len(IDS))
 _LOG_PAIR = np.log(0.2 / (len(IDS) * (len(IDS) - 1) / 2))
 _LOG_FURTHER = -5.0
 _SHORTLIST = 60.0  # nats behind the best that may still matter after tempering
-RELEVANT = 0.25
-"""An effect that moves the angle by less than this part of the noise floor is none."""
 COVERED = 0.95
 """Probability that the verdict's sets hold together, of what is named at all."""
 _LEAST = 0.04  # probability below which a set is not listed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
-from spa_fo.plant.chain import Chain, Memory, chain_for
+from spa_fo.plant.chain import Chain, Memory, Seat, chain_for
 from spa_fo.plant.effects.library import IDS, LIBRARY, Effect, Parameter, absent
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.model_file import Model
@@ -24,6 +24,7 @@ Integers = NDArray[np.int64]
 Source = Path | str
 
 _LISTED = "zeros_deg"  # key of a slipping sensor's zeros, by order
+_SEAT = "sensor_seat"  # key of a model: film and bias that the first calibration left
 _ROUNDING = 1e-9  # a bound that has passed through a logarithm
 
 
@@ -173,6 +174,11 @@ def _run(model: Model, trials: Sequence[Trial], memory: Memory, source: Source) 
     x, effects = model.transfer_function.as_array(), effects_vector(model, source)
     pressure = driven if model.signal == "pressure" else None
     chain = chain_for(grid, x, model.reference_kpa, pressure, memory)
+    seat = _seat(model, source)
+    if math.isnan(memory.ends_s):
+        chain = chain.seated(seat)
+    else:  # the film is as the last trial left it
+        chain = replace(chain, seat=seat)
     reading, after = chain.readings(x, effects)
     return _Run(chain, effects, reading, after)
 
@@ -208,6 +214,18 @@ def _zeros_deg(model: Model, effects: Floats, orders: Integers, same_sensor: boo
         earlier = max((known for known in listed if known <= order), default=1)
         zeros.append(listed.get(earlier, zero) + walk * (order - earlier))
     return np.array(zeros)
+
+
+def _seat(model: Model, source: Source) -> Seat:
+    """How the sensor comes from its calibration, if the model says so."""
+    if _SEAT not in model.extra:
+        return Seat()
+    try:
+        return Seat.from_dict(model.extra[_SEAT])
+    except KeyError as error:
+        raise BadInput(source, "missing, expected this key", f"{_SEAT}.{error.args[0]}") from error
+    except (TypeError, ValueError) as error:
+        raise BadInput(source, f"expected a sensor's state: {error}", _SEAT) from error
 
 
 def _memory_for(model: Model, campaign: Campaign, source: Source) -> Memory:

@@ -21,7 +21,7 @@ Integers = NDArray[np.int64]
 
 _JUMP = 0.02  # of the largest input, within one cell
 _GROWTH = 8.0  # a step is at most this part of the time since the last jump
-_LONGEST = 4  # level of the longest step within a trial: 0.32 s
+_LONGEST = 3  # level of the longest step within a trial: 0.16 s
 _FIRST_REST = 2  # level of the first step of a rest
 
 

@@ -1,0 +1,436 @@
+"""The diagnosis as a whole: evidence -> candidates -> verdict -> shrink -> what to say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.errors import BadInput
+from spa_fo.gap.candidates import Candidates, Ids, consider
+from spa_fo.gap.diagnosis import (
+    Cause,
+    Diagnosis,
+    Gap,
+    Shrink,
+    Traces,
+    Where,
+    write_diagnosis,
+)
+from spa_fo.gap.drive import fit_drive
+from spa_fo.gap.evidence import Evidence, angle_chain, collect
+from spa_fo.gap.explain import AngleProblem, to_z
+from spa_fo.gap.explanation import Explanation, augmented_model, seat_of, simulate
+from spa_fo.gap.floor import noise_floor
+from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse, shrink
+from spa_fo.gap.locate import shares
+from spa_fo.gap.unknown import Stress, unknown_probability
+from spa_fo.gap.verdict import Scored, Verdict, judge, leftover, stage_shares, weigh
+from spa_fo.plant import PARAMETERS, Model, read_model, write_model
+from spa_fo.plant.augmented import ending_memory
+from spa_fo.plant.effects.library import IDS, LIBRARY
+from spa_fo.rig import CampaignData, read_campaign, read_trials
+
+Floats = NDArray[np.float64]
+
+COMMONEST = "hysteresis"
+"""What one hears most often about soft actuators: a baseline that always answers so."""
+_SAME_MODEL = 0.01  # of the static gain: two step responses nearer than that are one model
+_PART_EXPLAINED = 0.5  # of the gap, held out: less is nothing explained
+_RUNGS = 6  # explanations whose held-out error is computed
+
+
+def diagnose_campaign(
+    folder: Path | str,
+    model_path: Path | str,
+    out: Path | str,
+    exclude: Sequence[str] = (),
+    seed: int = 1,
+) -> Diagnosis:
+    """Diagnose a campaign folder; write diagnosis.json and augmented_model.json to `out`.
+
+    Parameters
+    ----------
+    folder : Path or str
+        The campaign.
+    model_path : Path or str
+        The plain model.
+    out : Path or str
+        Folder that the two files are written to; made where it is missing.
+    exclude : sequence of str
+        Effects that the library is to lack.
+    seed : int
+        Of all that is random.
+
+    Raises
+    ------
+    BadInput
+        Something is wrong with the campaign, the model, or an effect's name.
+    """
+    plain = read_model(model_path)
+    if plain.effects:
+        raise BadInput(model_path, "expected an empty list: a plain model", "effects")
+    for name in exclude:
+        if name not in LIBRARY:
+            raise BadInput("--exclude-effect", f"is '{name}'; expected one of {', '.join(IDS)}")
+    data = read_trials(read_campaign(folder))
+    diagnosis = diagnose(data, plain, excluded=exclude, seed=seed)
+    out = Path(out)
+    write_model(out / "augmented_model.json", diagnosis.model)
+    write_diagnosis(out / "diagnosis.json", diagnosis)
+    return diagnosis
+
+
+def diagnose(
+    data: CampaignData, plain: Model, *, excluded: Sequence[str] = (), seed: int = 1
+) -> Diagnosis:
+    """Diagnose a campaign.
+
+    Parameters
+    ----------
+    data : CampaignData
+        The campaign.
+    plain : Model
+        The plain model that misses it.
+    excluded : sequence of str
+        Effects that the library is to lack.
+    seed : int
+        Of the trials that are held out and of the bootstrap.
+    """
+    rng = np.random.default_rng(seed)
+    if plain.signal == "pressure":
+        data = _driven_by_pressure(data)
+    everything = collect(data)
+    if everything.grid.command_kpa is None:
+        excluded = (*excluded, *(n for n in IDS if LIBRARY[n].stage == "drive"))
+    held = hold_out(everything, rng)
+    evidence = replace(everything, takes_part=~held.trials)
+    given = plain.transfer_function.as_array()
+    own = _is_own(data, plain, seed)
+    floor = noise_floor(everything)
+
+    candidates = consider(evidence, given, own, excluded)
+    scored = weigh(candidates, floor)
+    unknown, stress = unknown_probability(scored, candidates, floor)
+    verdict = _verdict(scored, unknown)
+
+    curves = _curves(candidates, everything, verdict)
+    shrunk = None
+    if verdict.kind != "no_gap" and verdict.best.explanation.ids:
+        shrunk = shrink(everything, held, curves, floor, rng)
+        if verdict.kind == "unknown" and shrunk.fraction_closed < _PART_EXPLAINED:
+            verdict, shrunk = replace(verdict, sets=()), None
+    if verdict.kind != "no_gap" and not verdict.sets:
+        shrunk = None
+
+    explained = bool(verdict.sets)
+    final = _refit(candidates, everything, verdict.best.explanation) if explained else None
+    if not explained:
+        curves["explained"] = curves["plain"]
+    model = plain
+    if final is not None:
+        model = augmented_model(final, everything, plain)
+        model = replace(model, extra={**model.extra, "memory": ending_memory(model, data)})
+    located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
+    everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
+    return Diagnosis(
+        campaign=data.campaign.name,
+        material=data.campaign.material,
+        provenance=data.campaign.provenance.kind,
+        seed=seed,
+        excluded=tuple(excluded),
+        gap=Gap(
+            rmse_deg=rmse(everything, curves["plain"], everywhere),
+            noise_floor_deg=floor,
+            significant=verdict.kind != "no_gap",
+            p_value=verdict.p_value,
+        ),
+        where=Where(stage=stage_shares(verdict), **located),
+        causes=_causes(candidates, everything, held, verdict),
+        kind=verdict.kind,
+        sets=verdict.sets,
+        next_experiment=_next(verdict),
+        shrink=shrunk,
+        offers=_offers(everything),
+        misses=_misses(everything),
+        findings=_findings(stress, unknown, own, verdict),
+        baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
+        traces=_traces(everything, held, curves, final),
+        model=model,
+    )
+
+
+def _driven_by_pressure(data: CampaignData) -> CampaignData:
+    """Leave the command out: the model takes the measured pressure for what drives it."""
+    if any(trial.pressure_kpa is None for trial in data.trials):
+        raise BadInput(data.campaign.folder, "expected a pressure column: it drives the model")
+    trials = tuple(replace(trial, command_kpa=None) for trial in data.trials)
+    return replace(data, trials=trials)
+
+
+def _is_own(data: CampaignData, plain: Model, seed: int) -> bool:
+    """Whether the model was fitted to this very campaign: then it has bent with the gap."""
+    from spa_fo.fractional import step_response
+    from spa_fo.identify import fit_campaign
+
+    if plain.campaign != data.campaign.name:
+        return False
+    signal = None if plain.signal == "command" else plain.signal
+    try:
+        fitted = fit_campaign(data, seed=seed, signal=signal, bootstrap=0).model
+    except BadInput:
+        return False
+    t = np.linspace(0.05, 10.0, 60)
+    one = step_response(t, *plain.transfer_function.as_array())
+    other = step_response(t, *fitted.transfer_function.as_array())
+    return bool(np.abs(one - other).max() < _SAME_MODEL * plain.transfer_function.gain)
+
+
+def _verdict(scored: Sequence[Scored], unknown: float) -> Verdict:
+    none = sum(s.probability for s in scored if not s.explanation.ids)
+    significant = none * (1.0 - unknown) < 0.5
+    # A Bayes factor against no gap of k is met by chance at most once in k times (Ville 1939).
+    prior_odds = 0.3 / 0.7
+    factor = (1.0 - none) / max(none, 1e-300) * prior_odds
+    p_value = float(min(1.0, 1.0 / max(factor, 1e-300)))
+    if significant and none > 0.5:
+        p_value = min(p_value, 1.0 - unknown)
+    return judge(scored, unknown, p_value, significant)
+
+
+def _curves(candidates: Candidates, everything: Evidence, verdict: Verdict) -> dict[str, Floats]:
+    """Predictions from the command at all averaged samples, deg."""
+    evidence, given = candidates.evidence, candidates.given
+    chain = angle_chain(everything, given, None)
+    nothing = verdict.best.explanation.effects()
+    nothing[:] = np.nan
+    plain, _ = chain.run(given, nothing)
+    refit = AngleProblem(evidence, chain, given, (), "free").fit(to_z(given))
+    return {
+        "plain": plain,
+        "refit": refit.predicted_deg,
+        "ceiling": refit.predicted_deg + refit.discrepancy_deg,
+        "explained": simulate(verdict.best.explanation, everything),
+    }
+
+
+def _refit(candidates: Candidates, everything: Evidence, chosen: Explanation) -> Explanation:
+    """Fit the chosen explanation once more, to all trials."""
+    evidence = replace(candidates.evidence, takes_part=np.ones_like(candidates.evidence.takes_part))
+    fit = chosen.fit
+    pickup_hz = None
+    if "mains_pickup" in fit.ids and chosen.pickup is not None:
+        pickup_hz = chosen.pickup[0]
+    problem = AngleProblem(
+        evidence,
+        candidates.chain,
+        candidates.given,
+        fit.ids,
+        fit.level,
+        pickup_hz=pickup_hz,
+    )
+    drive = chosen.drive
+    if drive is not None and drive.ids:
+        drive = fit_drive(evidence, drive.ids)
+    return replace(chosen, fit=problem.fit(fit.searched), drive=drive)
+
+
+def _causes(
+    candidates: Candidates, everything: Evidence, held: HeldOut, verdict: Verdict
+) -> tuple[Cause, ...]:
+    named = 1.0 - verdict.unknown
+    where = judged(everything, held)
+    causes = []
+    for rank, s in enumerate(verdict.scored):
+        e = s.explanation
+        error = rmse(everything, simulate(e, everything), where) if rank < _RUNGS else None
+        x = dict(zip(PARAMETERS, e.fit.x.tolist(), strict=True))
+        causes.append(
+            Cause(
+                set=e.ids or ("none",),
+                probability=named * s.probability,
+                parameters=_with_intervals(e, candidates.given, everything),
+                transfer_function=x,
+                held_out_rmse_deg=error,
+                leftover_deg=s.leftover_deg,
+            )
+        )
+    known = {cause.set for cause in causes}
+    if ("none",) not in known:
+        causes.append(Cause(("none",), 0.0, {}, {}))
+    causes += [
+        Cause((name,), 0.0, {}, {})
+        for name in IDS
+        if (name,) not in known and name not in candidates.excluded
+    ]
+    causes.append(Cause(("unknown",), verdict.unknown, {}, {}))
+    total = sum(cause.probability for cause in causes)
+    causes = [replace(cause, probability=cause.probability / total) for cause in causes]
+    return tuple(sorted(causes, key=lambda cause: -cause.probability))
+
+
+def _with_intervals(
+    explanation: Explanation, given: Floats, evidence: Evidence
+) -> Mapping[str, Mapping[str, Mapping[str, Any]]]:
+    """Parameters with intervals of 95 %, of the fits' normal approximation."""
+    values = explanation.parameters(given, evidence.grid.orders)
+    errors: dict[tuple[str, str], float] = {}
+    logs: set[tuple[str, str]] = set()
+    sources = [(explanation.fit, 5)]
+    if explanation.drive is not None:
+        sources.append((explanation.drive, 0))  # type: ignore[arg-type]
+    for fit, first in sources:
+        sigma = np.sqrt(np.diag(fit.solution.covariance()))
+        at = first
+        for name in fit.ids:
+            if name in ("sensor_nonlinearity", "sensor_slip", "parameter_shift", "mains_pickup"):
+                continue
+            for parameter in LIBRARY[name].parameters:
+                errors[(name, parameter.name)] = float(sigma[at])
+                if parameter.log:
+                    logs.add((name, parameter.name))
+                at += 1
+    result: dict[str, dict[str, dict[str, Any]]] = {}
+    for name, own in values.items():
+        result[name] = {}
+        for key, value in own.items():
+            error = errors.get((name, key))
+            interval = None
+            if error is not None and (name, key) in logs:
+                interval = [value * float(np.exp(k * 1.96 * error)) for k in (-1, 1)]
+            elif error is not None:
+                interval = [value - 1.96 * error, value + 1.96 * error]
+            result[name][key] = {"value": value, "ci95": interval}
+    return result
+
+
+def _smallest_bic(candidates: Candidates) -> list[str]:
+    """What the smallest Bayesian information criterion picks among single effects."""
+    evidence = candidates.evidence
+    used = evidence.used
+    n = int(np.count_nonzero(used))
+    best: tuple[float, Ids] = (np.inf, ())
+    for (ids, level), fit in candidates.angles.items():
+        if len(ids) > 1 or level != "free":
+            continue
+        missed = (evidence.grid.angle_deg - fit.explained_deg)[used]
+        square = float(np.average(missed**2, weights=evidence.grid.counts[used]))
+        score = n * np.log(square) + np.log(n) * (fit.searched.size)
+        if score < best[0]:
+            best = (score, ids)
+    return list(best[1])
+
+
+def _next(verdict: Verdict) -> str | None:
+    if verdict.kind in ("no_gap", "cause"):
+        return None
+    return "a protocol with release, staircase and a long hold, and a calibration afterwards"
+
+
+def _offers(evidence: Evidence) -> tuple[str, ...]:
+    trials = evidence.grid.trials
+    protocols = list(dict.fromkeys(trial.protocol for trial in trials))
+    found = [f"{len(trials)} trials: {', '.join(protocols)}"]
+    if evidence.has_pressure:
+        found.append("measured pressure, which tells the drive from the actuator")
+    if len(evidence.data.calibrations) > 1:
+        found.append("calibrations before and after, which show the sensor's own drift")
+    if evidence.fixture is not None:
+        found.append("calibration dwells, which show the sensor's own lag, creep and hysteresis")
+    return tuple(found)
+
+
+def _misses(evidence: Evidence) -> tuple[str, ...]:
+    trials = evidence.grid.trials
+    protocols = {trial.protocol for trial in trials}
+    missing = []
+    if not evidence.has_pressure:
+        missing.append("measured pressure: drive and actuator cannot be told apart by it")
+    if protocols <= {"step"}:
+        missing.append("release: hysteresis, play and creep hardly show in up-steps")
+    if not protocols & {"staircase", "triangle", "free"}:
+        missing.append("a staircase or triangle: amplitude and direction show together there")
+    if "hold" not in protocols:
+        missing.append("a long hold: creep, leak and droop show there")
+    if len(evidence.data.calibrations) < 2:
+        missing.append("a calibration afterwards: slip and drift of the sensor")
+    if evidence.fixture is None:
+        missing.append("a calibration log: the sensor cannot be told from the actuator")
+    orders = [trial.experiment for trial in trials]
+    blocks = sum(a != b for a, b in zip(orders, orders[1:], strict=False)) + 1
+    if len(set(orders)) > 1 and blocks == len(set(orders)):
+        missing.append("interleaved order: drift and amplitude go together in blocks")
+    return tuple(missing)
+
+
+def _findings(stress: Stress, unknown: float, own: bool, verdict: Verdict) -> tuple[str, ...]:
+    found = []
+    kind, loud = stress.largest
+    names = {
+        "angle": "the angle repeats from trial to trial",
+        "fixture": "the calibration's dwells show",
+        "pressure": "the measured pressure shows",
+        "drift": "the later calibration shows",
+    }
+    if unknown > 0.5:
+        found.append(
+            f"The best explanation leaves what {names[kind]}: {loud:.1f} times as much as a right "
+            "one would."
+        )
+    elif verdict.kind != "no_gap":
+        found.append(
+            f"What the best explanation leaves is {loud:.2f} of what would speak for an unknown "
+            f"cause (loudest where {names[kind]} it)."
+        )
+    if own:
+        found.append(
+            "The model was fitted to this campaign, so its coefficients have bent with the gap: "
+            "they were free in every explanation, and a shift of parameters cannot be told."
+        )
+    return tuple(found)
+
+
+def _traces(
+    evidence: Evidence, held: HeldOut, curves: Mapping[str, Floats], final: Explanation | None
+) -> Traces:
+    grid = evidence.grid
+    at = grid.cell_starts[grid.sample_trial] + np.minimum(
+        (grid.time_s / 0.02).astype(int),
+        np.diff(grid.cell_starts)[grid.sample_trial] - 1,
+    )
+    command = grid.command_kpa if grid.command_kpa is not None else grid.pressure_kpa
+    assert command is not None
+    fixture = evidence.fixture
+    empty = np.zeros(0)
+    explained = empty
+    if fixture is not None:
+        explained = np.zeros(fixture.deviation_deg.size)
+        if final is not None:
+            explained = fixture.simulate(final.effects())[0]
+    drive = None
+    if final is not None and final.drive is not None:
+        drive = final.drive.predicted_kpa
+    return Traces(
+        experiment=tuple(trial.experiment for trial in grid.trials),
+        label=tuple(trial.label for trial in grid.trials),
+        trial=grid.sample_trial,
+        time_s=grid.time_s,
+        command_kpa=command[at],
+        measured_deg=grid.angle_deg,
+        plain_deg=curves["plain"],
+        explained_deg=curves["explained"],
+        refit_deg=curves["refit"],
+        pressure_kpa=grid.measured_kpa,
+        drive_kpa=drive,
+        held_out=held.trials,
+        fixture_angle_deg=empty if fixture is None else fixture.known_deg,
+        fixture_deg=empty if fixture is None else fixture.deviation_deg,
+        fixture_explained_deg=explained,
+    )
+
+
+__all__ = ["Shrink", "diagnose", "diagnose_campaign", "leftover", "seat_of"]

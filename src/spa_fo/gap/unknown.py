@@ -1,0 +1,113 @@
+"""When to say that the library lacks the cause.
+
+With the true effect missing a neighbour takes over most of the gap, so how much a set explains says
+little. What it leaves does: structure that repeats from trial to trial, in the angle, the
+pressure, the calibrations' dwells or their drift, beyond what a right but foreign form leaves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spa_fo.gap.candidates import Candidates
+from spa_fo.gap.verdict import Scored
+
+# A right explanation leaves about these parts of the noise floor and of what it explains. Found
+# on campaigns of the virtual rig with seeds below 1000.
+_OF_FLOOR = 0.17
+_OF_EXPLAINED = 0.085
+_FIXTURE_DEG, _OF_FIXTURE = 0.12, 0.28
+_OF_PRESSURE = 0.2
+_DRIFT_DEG, _OF_DRIFT = 0.15, 0.25
+_SHARPNESS = 4.0
+_MADE_UP_BY_SHIFT = 0.6
+"""Weight of explanations that need other coefficients beside an effect, as a sign of neither."""
+
+
+@dataclass(frozen=True)
+class Stress:
+    """How much more than a right explanation would a set leaves; 1 is the border.
+
+    Attributes
+    ----------
+    angle, fixture, pressure, drift : float
+        By kind of evidence.
+    """
+
+    angle: float
+    fixture: float
+    pressure: float
+    drift: float
+
+    @property
+    def largest(self) -> tuple[str, float]:
+        """The kind of evidence that speaks loudest, and how loud."""
+        every = vars(self)
+        name = max(every, key=lambda key: every[key])
+        return name, float(every[name])
+
+
+def stress(scored: Scored, candidates: Candidates, floor_deg: float) -> Stress:
+    """Measure what an explanation leaves."""
+    evidence = candidates.evidence
+    explained = float(np.sqrt(sum(size**2 for size in scored.moved_deg.values())))
+    angle = scored.leftover_deg / float(np.hypot(_OF_FLOOR * floor_deg, _OF_EXPLAINED * explained))
+    fixture = 0.0
+    if evidence.fixture is not None:
+        seen = float(np.sqrt(np.mean(evidence.fixture.deviation_deg**2)))
+        fixture = scored.fixture_deg / float(np.hypot(_FIXTURE_DEG, _OF_FIXTURE * seen))
+    pressure = 0.0
+    if candidates.drives:
+        gain = candidates.given[4] / candidates.given[3] / evidence.data.campaign.reference_kpa
+        per_kpa = float(np.degrees(gain))
+        plain = candidates.drives[()].missed_kpa[evidence.used]
+        seen = per_kpa * float(np.sqrt(np.mean(plain**2)))
+        left = per_kpa * scored.pressure_kpa
+        pressure = left / float(np.hypot(_OF_FLOOR * floor_deg, _OF_PRESSURE * seen))
+    return Stress(angle, fixture, pressure, _drift(scored, candidates))
+
+
+def unknown_probability(
+    scored: list[Scored], candidates: Candidates, floor_deg: float
+) -> tuple[float, Stress]:
+    """Probability that no set of the library holds the cause.
+
+    Parameters
+    ----------
+    scored : list of Scored
+        All explanations, most probable first.
+    candidates : Candidates
+        What was fitted.
+    floor_deg : float
+        The noise floor.
+
+    Returns
+    -------
+    probability : float
+        0 to 1.
+    stress : Stress
+        Of the most probable explanation.
+    """
+    total = 0.0
+    for s in scored:
+        if s.probability < 0.02:
+            continue
+        loud = stress(s, candidates, floor_deg).largest[1]
+        own = loud**_SHARPNESS / (1.0 + loud**_SHARPNESS)
+        if "parameter_shift" in s.explanation.ids and len(s.explanation.ids) > 1:
+            own = max(own, _MADE_UP_BY_SHIFT)
+        total += s.probability * own
+    return min(total, 0.999), stress(scored[0], candidates, floor_deg)
+
+
+def _drift(scored: Scored, candidates: Candidates) -> float:
+    evidence = candidates.evidence
+    if not evidence.drift_deg.size:
+        return 0.0
+    predicted = scored.explanation.fit.drift_deg
+    missed = evidence.drift_deg - predicted
+    left = float(np.sqrt(max(np.mean(missed**2 - evidence.drift_sigma_deg**2), 0.0)))
+    seen = float(np.sqrt(np.mean(evidence.drift_deg**2)))
+    return left / float(np.hypot(_DRIFT_DEG, _OF_DRIFT * seen))
