@@ -1,0 +1,388 @@
+"""The page that says what a diagnosis found, and its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from spa_fo.atomic import write_text
+from spa_fo.gap.diagnosis import Cause, Diagnosis, Shrink
+from spa_fo.report.diagnosis_figures import (
+    before_after_figure,
+    gap_figure,
+    has_stages,
+    ladder_figure,
+    named,
+    percent,
+    probability_of,
+    stages_figure,
+)
+from spa_fo.report.effect_words import (
+    EFFECT_WORDS,
+    STAGE_WORDS,
+    joined,
+    parameter_words,
+    phrase,
+)
+from spa_fo.report.style import save_figure
+
+PAGE = "diagnosis.md"
+
+_CAPTIONS = {
+    "gap": "What the plain model misses over time, coloured by the command, with every trial in "
+    "grey and the noise floor as a band; below, where the gap lies.",
+    "before_after": "Each experiment measured and modelled, and what is missed before and after; "
+    "the band is the noise floor.",
+    "ladder": "The ladder of explanations: error on trials that took no part, and probability. The "
+    "explanations that stand are red.",
+    "stages": "Between the stages: measured pressure against the command, and the sensor in the "
+    "calibration fixture.",
+}
+_MAP_WORDS = {
+    "stage": "stage",
+    "phase": "phase of the response",
+    "amplitude": "amplitude",
+    "direction": "direction",
+    "trial": "trial",
+    "frequency": "frequency",
+}
+_MOST_CAUSES = 8
+_MOST_BINS = 4
+
+
+def write_report(diagnosis: Diagnosis, folder: Path | str) -> tuple[Path, ...]:
+    """Write ``diagnosis.md`` and its figures, PNG and PDF, each whole or not at all.
+
+    Figures of an earlier diagnosis that this one has no use for are removed.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Of any kind.
+    folder : Path or str
+        Where to.
+
+    Returns
+    -------
+    tuple of Path
+        The files, the page last.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be written.
+    """
+    folder = Path(folder)
+    draw = {"gap": gap_figure, "before_after": before_after_figure, "ladder": ladder_figure}
+    if has_stages(diagnosis.traces):
+        draw["stages"] = stages_figure
+    files: list[Path] = []
+    for name, make in draw.items():
+        files += save_figure(make(diagnosis), folder / name, _provenance(diagnosis))
+    for name in _CAPTIONS.keys() - draw.keys():
+        for suffix in ("png", "pdf"):
+            (folder / f"{name}.{suffix}").unlink(missing_ok=True)
+    page = folder / PAGE
+    write_text(page, document(diagnosis, tuple(draw)))
+    return (*files, page)
+
+
+def document(diagnosis: Diagnosis, figures: Sequence[str] = ()) -> str:
+    """Write the page.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Of any kind.
+    figures : sequence of str
+        Names of the figures beside the page, without suffix.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    sections = (
+        ("", _head(diagnosis)),
+        ("The verdict", [verdict(diagnosis)]),
+        ("What to do next", _bullets(_next_steps(diagnosis))),
+        ("Which cause", [_cause_table(diagnosis), *_figure("ladder", figures)]),
+        ("How far it shrinks", [*_shrink(diagnosis), *_figure("before_after", figures)]),
+        ("Where", [*_where(diagnosis), *_figure("gap", figures)]),
+        ("What the evidence is", [*_evidence(diagnosis), *_figure("stages", figures)]),
+        ("Findings", _bullets(_findings(diagnosis))),
+    )
+    parts: list[str] = []
+    for title, paragraphs in sections:
+        body = [paragraph for paragraph in paragraphs if paragraph]
+        parts += [f"## {title}", *body] if title and body else body
+    return "\n\n".join(parts) + "\n"
+
+
+def verdict(diagnosis: Diagnosis) -> str:
+    """Say in two sentences how large the gap is and where, and what causes it.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Of any kind.
+    """
+    gap = diagnosis.gap
+    if diagnosis.kind == "no_gap":
+        return (
+            f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}°, which repeated trials "
+            f"account for: they differ by {gap.noise_floor_deg:.2f}° among themselves "
+            f"({_p_value(gap.p_value)}). There is **no gap** to explain: the model stands as it is."
+        )
+    size = (
+        f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}° where repeated trials "
+        f"differ by {gap.noise_floor_deg:.2f}° among themselves "
+        f"({_p_value(gap.p_value)}){_mostly(diagnosis)}."
+    )
+    cause = {"cause": _one_cause, "ambiguous": _several_causes, "unknown": _no_cause}
+    return f"{size} {cause[diagnosis.kind](diagnosis)}"
+
+
+def _p_value(p: float) -> str:
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+
+
+def _mostly(diagnosis: Diagnosis) -> str:
+    shares = diagnosis.where.stage
+    if not any(shares.values()):
+        return ""
+    stage = max(shares, key=lambda name: shares[name])
+    return f", and {percent(shares[stage])} of that gap arises in {STAGE_WORDS[stage]}"
+
+
+def _one_cause(diagnosis: Diagnosis) -> str:
+    ids = diagnosis.sets[0]
+    means = "; ".join(EFFECT_WORDS[each].means for each in ids)
+    return (
+        f"The cause is **{phrase(ids)}** ({means}), with a probability of "
+        f"{percent(_probability(diagnosis, ids))}{_reached(diagnosis.shrink)}."
+    )
+
+
+def _several_causes(diagnosis: Diagnosis) -> str:
+    sets = [
+        f"**{phrase(ids)}** ({percent(_probability(diagnosis, ids))})" for ids in diagnosis.sets
+    ]
+    return (
+        f"These data cannot tell apart {joined(sets, 'and')}"
+        f"{_reached(diagnosis.shrink, 'the first of them')}."
+    )
+
+
+def _no_cause(diagnosis: Diagnosis) -> str:
+    lacking = percent(probability_of(diagnosis.causes, "unknown"))
+    text = f"The cause is **unknown**: nothing in the library explains it ({lacking} probable)"
+    if not diagnosis.sets:
+        return f"{text}, and no part of it is explained."
+    part = joined([phrase(ids) for ids in diagnosis.sets], "or")
+    return f"{text}; **{part}** explains a part{_reached(diagnosis.shrink)}."
+
+
+def _probability(diagnosis: Diagnosis, ids: tuple[str, ...]) -> float:
+    return sum(cause.probability for cause in diagnosis.causes if set(cause.set) == set(ids))
+
+
+def _reached(shrink: Shrink | None, subject: str = "it") -> str:
+    if shrink is None:
+        return ""
+    low, high = shrink.ci95
+    return (
+        f"; with {subject} in the model the error on held-out trials changes from "
+        f"{shrink.before_rmse_deg:.2f}° to {shrink.after_rmse_deg:.2f}°, which closes "
+        f"{percent(shrink.fraction_closed)} of the gap (95 % interval {percent(low)} to "
+        f"{percent(high)})"
+    )
+
+
+def _head(diagnosis: Diagnosis) -> Iterator[str]:
+    yield f"# Diagnosis of {diagnosis.campaign}: why model and actuator disagree"
+    yield (
+        f"**{diagnosis.provenance.capitalize()} data.** {diagnosis.material}, seed "
+        f"{diagnosis.seed}."
+    )
+    if diagnosis.excluded:
+        names = ", ".join(phrase((each,)) for each in diagnosis.excluded)
+        yield f"Taken out of the library for this diagnosis: {names}."
+
+
+def _provenance(diagnosis: Diagnosis) -> str:
+    return f"{diagnosis.provenance} data; campaign {diagnosis.campaign}"
+
+
+def _figure(name: str, figures: Sequence[str]) -> list[str]:
+    if name not in figures:
+        return []
+    return [f"![{_CAPTIONS[name]}]({name}.png)", f"*{_CAPTIONS[name]}*"]
+
+
+def _bullets(lines: Sequence[str]) -> list[str]:
+    return ["\n".join(f"- {line}" for line in lines)]
+
+
+def _sentence(text: str) -> str:
+    text = text.strip()
+    return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith((".", "!", "?")) else ".")
+
+
+def _next_steps(diagnosis: Diagnosis) -> list[str]:
+    if diagnosis.kind == "no_gap":
+        return [
+            "Use the model as it is.",
+            *_missing_evidence(diagnosis, "A smaller gap would show with"),
+        ]
+    if diagnosis.kind == "cause":
+        (ids,) = diagnosis.sets
+        remedies = [
+            f"{_sentence(phrase((each,)) + ': ' + EFFECT_WORDS[each].remedy)}" for each in ids
+        ]
+        return [*remedies, _use_model(diagnosis)]
+    if diagnosis.kind == "ambiguous":
+        decide = diagnosis.next_experiment
+        return [
+            *([f"**To decide:** {_sentence(decide)}"] if decide else []),
+            *_missing_evidence(diagnosis, "What this campaign lacks:"),
+            f"{_use_model(diagnosis)} It holds the first explanation; do not read its parameters "
+            "as physics before the others are ruled out.",
+        ]
+    return [
+        "Do not trust a name here: look at what is left over (figures), and at the rig where the "
+        "gap is largest.",
+        *(
+            [f"**To learn more:** {_sentence(diagnosis.next_experiment)}"]
+            if diagnosis.next_experiment
+            else []
+        ),
+        *_missing_evidence(diagnosis, "What this campaign lacks:"),
+        *([_use_model(diagnosis)] if diagnosis.sets else []),
+    ]
+
+
+def _missing_evidence(diagnosis: Diagnosis, lead: str) -> list[str]:
+    """Name what is missing; why it is needed stands under the evidence."""
+    names = [missing.split(":")[0] for missing in diagnosis.misses]
+    return [_sentence(f"{lead} {joined(names, 'and')}")] if names else []
+
+
+def _use_model(diagnosis: Diagnosis) -> str:
+    return "For predictions until then: `spa-fo predict augmented_model.json CAMPAIGN --out FILE`."
+
+
+def _cause_table(diagnosis: Diagnosis) -> str:
+    shown = named(diagnosis.causes, _MOST_CAUSES)
+    rows = [_cause_row(cause, cause.set in diagnosis.sets) for cause in shown]
+    none, unknown = (probability_of(diagnosis.causes, name) for name in ("none", "unknown"))
+    rest = 1.0 - none - unknown - sum(cause.probability for cause in shown)
+    if rest > 5e-4:
+        rows.append(("others together", percent(rest), "", ""))
+    before = diagnosis.gap.rmse_deg if diagnosis.shrink is None else None
+    if diagnosis.shrink is not None:
+        before = diagnosis.shrink.before_rmse_deg
+    rows.append((phrase(("none",)), percent(none), "", f"{before:.2f}"))
+    rows.append((phrase(("unknown",)), percent(unknown), "", ""))
+    return _table(
+        ("explanation", "probability", "parameters (95 % interval)", "held-out RMSE (°)"),
+        rows,
+        ":--|--:|:--|--:",
+    )
+
+
+def _cause_row(cause: Cause, stands: bool) -> tuple[str, ...]:
+    name = f"**{phrase(cause.set)}**" if stands else phrase(cause.set)
+    held_out = "" if cause.held_out_rmse_deg is None else f"{cause.held_out_rmse_deg:.2f}"
+    return name, percent(cause.probability), _parameters(cause), held_out
+
+
+def _parameters(cause: Cause) -> str:
+    parts = []
+    for effect, parameters in cause.parameters.items():
+        values = ", ".join(_parameter(effect, name, p) for name, p in parameters.items())
+        several = len(cause.parameters) > 1
+        parts.append(f"{phrase((effect,))}: {values}" if several else values)
+    return "; ".join(part for part in parts if part)
+
+
+def _parameter(effect: str, name: str, entry: Mapping[str, Any]) -> str:
+    words, unit = parameter_words(effect, name)
+    gap = "" if unit.startswith("°") else " "
+    text = f"{words} {entry['value']:.3g}"
+    if entry.get("ci95") is not None:
+        low, high = entry["ci95"]
+        text += f" ({low:.3g} to {high:.3g})"
+    return f"{text}{gap}{unit}".rstrip()
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]], alignment: str) -> str:
+    lines = [" | ".join(head), alignment, *(" | ".join(row) for row in rows)]
+    return "\n".join(f"| {line} |" if line != alignment else f"|{line}|" for line in lines)
+
+
+def _shrink(diagnosis: Diagnosis) -> Iterator[str]:
+    shrink = diagnosis.shrink
+    if shrink is None:
+        if diagnosis.kind != "no_gap":
+            yield "Nothing is explained, so there is nothing to hold against unseen trials."
+        return
+    low, high = shrink.ci95
+    rows = [
+        ("plain model", shrink.before_rmse_deg),
+        ("refit only", shrink.refit_only_rmse_deg),
+        ("**with the explanation**", shrink.after_rmse_deg),
+        ("free-form ceiling (no physics)", shrink.ceiling_rmse_deg),
+        ("noise floor", shrink.noise_floor_deg),
+    ]
+    yield (
+        f"Held out: {shrink.held_out_on}. The explanation closes "
+        f"**{percent(shrink.fraction_closed)}** of the gap above the noise floor (95 % interval "
+        f"{percent(low)} to {percent(high)})."
+    )
+    yield _table(
+        ("", "RMSE (°)"),
+        [(name, f"{value:.2f}") for name, value in rows if value is not None],
+        ":--|--:",
+    )
+
+
+def _where(diagnosis: Diagnosis) -> Iterator[str]:
+    rows = [
+        (_MAP_WORDS[name], _largest(shares))
+        for name, shares in vars(diagnosis.where).items()
+        if any(shares.values())
+    ]
+    if rows:
+        yield _table(("by", "share of the gap"), rows, ":--|:--")
+
+
+def _largest(shares: Mapping[str, float]) -> str:
+    ordered = sorted(shares.items(), key=lambda item: -item[1])
+    shown = [
+        f"{name.replace('_', ' ')} {percent(share)}"
+        for name, share in ordered[:_MOST_BINS]
+        if share
+    ]
+    return ", ".join(shown) + (", …" if len(ordered) > _MOST_BINS else "")
+
+
+def _evidence(diagnosis: Diagnosis) -> Iterator[str]:
+    if diagnosis.offers:
+        yield "The campaign offers:"
+        yield from _bullets([_sentence(offer) for offer in diagnosis.offers])
+    if diagnosis.misses:
+        yield "It lacks:"
+        yield from _bullets([_sentence(missing) for missing in diagnosis.misses])
+
+
+def _findings(diagnosis: Diagnosis) -> list[str]:
+    found = [_sentence(finding) for finding in diagnosis.findings]
+    answers = [
+        f"{name.replace('_', ' ')}: {phrase(ids) if ids else 'no effect'}"
+        for name, ids in diagnosis.baselines.items()
+    ]
+    if answers:
+        found.append(f"Simpler methods would have said: {'; '.join(answers)}.")
+    return found

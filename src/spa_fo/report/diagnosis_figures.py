@@ -1,0 +1,541 @@
+"""The figures of a diagnosis: the gap and its shares, before and after, the ladder, the stages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure, FigureBase
+from numpy.typing import NDArray
+
+from spa_fo.gap.diagnosis import Cause, Diagnosis, Traces
+from spa_fo.report.effect_words import phrase
+from spa_fo.report.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    TWO_COLUMNS_IN,
+    VERMILION,
+    new_figure,
+    styled,
+)
+
+Floats = NDArray[np.float64]
+
+_COLUMNS = 3
+_MOST_PANELS = 9
+_MOST_BARS = 8  # more than these stand upright
+_MOST_CAUSES = 8
+_MOST_STAGE_PANELS = 3
+_LOOKS: dict[str, dict[str, Any]] = {
+    "plain": {"color": BLUE, "linestyle": "--", "linewidth": 1.1},
+    "refit": {"color": GREEN, "linestyle": ":", "linewidth": 1.3},
+    "explained": {"color": VERMILION, "linestyle": "-", "linewidth": 1.3},
+}
+_MAPS = {
+    "stage": "stage",
+    "phase": "phase of the response",
+    "amplitude": "amplitude",
+    "direction": "direction",
+    "trial": "trial order",
+    "frequency": "frequency",
+}
+
+
+@dataclass(frozen=True)
+class _Experiment:
+    """Trials of one experiment: their indices, and the one that is shown in full."""
+
+    name: str
+    trials: tuple[int, ...]
+    shown: int
+
+    @property
+    def title(self) -> str:
+        return self.name.replace("_", " ")
+
+
+def rms(t_s: Floats, values: Floats) -> float:
+    """Root mean square over time, whatever the spacing of the samples."""
+    if t_s.size < 2:
+        return float(np.sqrt(np.mean(values**2)))
+    weight = np.gradient(t_s)
+    return float(np.sqrt(np.average(values**2, weights=weight)))
+
+
+def _experiments(traces: Traces) -> list[_Experiment]:
+    """Return the experiments of largest gap, at most `_MOST_PANELS`, in the campaign's order."""
+    trials: dict[str, list[int]] = {}
+    for index, name in enumerate(traces.experiment):
+        if np.any(traces.trial == index):
+            trials.setdefault(name, []).append(index)
+    every = [_Experiment(name, tuple(own), _shown(traces, own)) for name, own in trials.items()]
+    missed = {e.name: _missed_rms(traces, e.shown) for e in every}
+    largest = sorted(missed, key=lambda name: -missed[name])[:_MOST_PANELS]
+    return [e for e in every if e.name in largest]
+
+
+def _shown(traces: Traces, trials: Sequence[int]) -> int:
+    """Return the last trial that took no part, else the last one."""
+    return max(trials, key=lambda i: (bool(traces.held_out[i]), i))
+
+
+def _missed_rms(traces: Traces, trial: int) -> float:
+    own = traces.trial == trial
+    return rms(traces.time_s[own], traces.measured_deg[own] - traces.plain_deg[own])
+
+
+def _grid(names: Sequence[str]) -> list[list[str]]:
+    """Lay panels out in rows of `_COLUMNS` or fewer, the last row filled up."""
+    columns = min(len(names), _COLUMNS)
+    padded = list(names) + ["."] * (-len(names) % columns)
+    return [padded[i : i + columns] for i in range(0, len(padded), columns)]
+
+
+@styled
+def gap_figure(diagnosis: Diagnosis) -> Figure:
+    """Draw what the plain model misses over time and pressure, and where the gap lies.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Of any kind; share maps that are empty or all zero are left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    traces = diagnosis.traces
+    experiments = _experiments(traces)
+    maps = {
+        name: shares
+        for name, shares in vars(diagnosis.where).items()
+        if any(share != 0.0 for share in shares.values())
+    }
+    rows = _grid([f"time {e.name}" for e in experiments])
+    bars = _grid([f"share {name}" for name in maps]) if maps else []
+    figure = Figure(figsize=(TWO_COLUMNS_IN, 0.6 + 1.45 * len(rows) + 1.35 * len(bars)))
+    heights = [1.1 * len(rows), len(bars)] if bars else [1.0]
+    blocks = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
+    _draw_gap(blocks[0], rows, diagnosis, experiments)
+    if bars:
+        panels = _panels(blocks[1], bars)
+        for name, shares in maps.items():
+            _draw_shares(panels[f"share {name}"], _MAPS[name], shares)
+    return figure
+
+
+def _panels(
+    part: FigureBase, rows: Sequence[Sequence[str]], heights: Sequence[float] | None = None
+) -> dict[str, Axes]:
+    """Lay axes out in a figure or a part of it, by name."""
+    return part.subplot_mosaic([list(row) for row in rows], height_ratios=heights)
+
+
+def _draw_gap(
+    part: FigureBase,
+    rows: Sequence[Sequence[str]],
+    diagnosis: Diagnosis,
+    experiments: Sequence[_Experiment],
+) -> None:
+    axes_of = _panels(part, rows)
+    traces, floor = diagnosis.traces, diagnosis.gap.noise_floor_deg
+    missed = traces.measured_deg - traces.plain_deg
+    pressure = _driving(traces)
+    scale = Normalize(float(pressure.min()), max(float(pressure.max()), 1e-9))
+    low, high = min(float(missed.min()), -floor), max(float(missed.max()), floor)
+    dots = None
+    for e in experiments:
+        axes = axes_of[f"time {e.name}"]
+        axes.axhspan(-floor, floor, color=GREY, alpha=0.25, linewidth=0)
+        for i in e.trials:
+            own = traces.trial == i
+            axes.plot(traces.time_s[own], missed[own], color=GREY, linestyle="-", linewidth=0.4)
+        time, mean = _mean_over_trials(traces, e.trials, missed)
+        _, kpa = _mean_over_trials(traces, e.trials, pressure)
+        axes.axhline(0.0, color=BLACK, linestyle="-", linewidth=0.5)
+        dots = axes.scatter(time, mean, c=kpa, s=5, cmap="viridis", norm=scale, zorder=3)
+        axes.set_title(f"{e.title}, {_counted(len(e.trials), 'trial')}", loc="left")
+        axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
+        axes.set_xlabel("time (s)")
+    for row in rows:
+        axes_of[row[0]].set_ylabel("measured − model (°)")
+    if dots is not None:
+        bar = part.colorbar(dots, ax=list(axes_of.values()), aspect=30, pad=0.01)
+        bar.set_label("command (kPa)")
+
+
+def _driving(traces: Traces) -> Floats:
+    """Return the command, or the pressure where none was logged."""
+    if np.isfinite(traces.command_kpa).all() or traces.pressure_kpa is None:
+        return np.nan_to_num(traces.command_kpa)
+    return traces.pressure_kpa
+
+
+def _mean_over_trials(
+    traces: Traces, trials: Sequence[int], values: Floats
+) -> tuple[Floats, Floats]:
+    """Average trials of one profile on the times of the shortest."""
+    each = [(traces.time_s[traces.trial == i], values[traces.trial == i]) for i in trials]
+    time = min((t for t, _ in each), key=lambda t: float(t[-1]))
+    return time, np.mean([np.interp(time, t, v) for t, v in each], axis=0)
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _draw_shares(axes: Axes, title: str, shares: Mapping[str, float]) -> None:
+    names = [name.replace("_", " ") for name in shares]
+    values = 100.0 * np.array(list(shares.values()))
+    axes.set_title(f"{title}: share of the gap (%)", loc="left")
+    if len(names) > _MOST_BARS:
+        axes.bar(range(len(names)), values, color=BLUE, width=0.7)
+        step = -(-len(names) // _MOST_BARS)
+        axes.set_xticks(range(0, len(names), step), names[::step])
+        axes.grid(visible=False, axis="x")
+        return
+    axes.barh(range(len(names)), values, color=BLUE, height=0.65)
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    reach = max(float(values.max()), 1.0)
+    axes.set_xlim(min(0.0, 1.1 * float(values.min())), 1.25 * reach)
+    for place, value in enumerate(values):
+        axes.annotate(
+            f"{value:.0f}",
+            (max(value, 0.0), place),
+            xytext=(2, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=6,
+        )
+
+
+@styled
+def before_after_figure(diagnosis: Diagnosis) -> Figure:
+    """Draw each experiment measured and modelled, and below it what is missed before and after.
+
+    One trial of each is drawn in full, one that took no part where there is one; the residuals of
+    the others are drawn faintly.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Of any kind; without an explanation only the plain model is drawn.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    traces = diagnosis.traces
+    experiments = _experiments(traces)
+    angles = _grid([f"angle {e.name}" for e in experiments])
+    missed = _grid([f"missed {e.name}" for e in experiments])
+    mosaic = [row for pair in zip(angles, missed, strict=True) for row in pair]
+    figure = Figure(figsize=(TWO_COLUMNS_IN, 0.6 + 2.55 * len(angles)))
+    heights = [1.5, 1.0] * len(angles)
+    axes_of = _panels(figure, mosaic, heights)
+    models = _models(diagnosis)
+    handles: dict[str, Any] = {}
+    for e in experiments:
+        handles |= _draw_angles(axes_of[f"angle {e.name}"], traces, e, models)
+        handles |= _draw_missed(axes_of[f"missed {e.name}"], diagnosis, e)
+    for row in angles:
+        axes_of[row[0]].set_ylabel("angle (°)")
+    for row in missed:
+        axes_of[row[0]].set_ylabel("measured −\nmodel (°)")
+    figure.legend(
+        list(handles.values()), list(handles), loc="outside upper center", ncols=len(handles)
+    )
+    return figure
+
+
+def _explained(diagnosis: Diagnosis) -> bool:
+    """Say whether there is an explanation beside the plain model."""
+    return bool(diagnosis.sets)
+
+
+def _models(diagnosis: Diagnosis) -> dict[str, tuple[str, Floats]]:
+    """Return what each model is called and its curve, by its look."""
+    traces = diagnosis.traces
+    models = {"plain": ("plain model", traces.plain_deg)}
+    if _explained(diagnosis):
+        models["refit"] = ("refit only", traces.refit_deg)
+        models["explained"] = ("augmented model", traces.explained_deg)
+    return models
+
+
+def _draw_angles(
+    axes: Axes, traces: Traces, e: _Experiment, models: Mapping[str, tuple[str, Floats]]
+) -> dict[str, Any]:
+    own = traces.trial == e.shown
+    time = traces.time_s[own]
+    handles: dict[str, Any] = {}
+    (handles["measured"],) = axes.plot(
+        time,
+        traces.measured_deg[own],
+        color=BLACK,
+        linestyle="none",
+        marker=".",
+        markersize=2.5,
+        alpha=0.6,
+    )
+    for look, (name, curve) in models.items():
+        (handles[name],) = axes.plot(time, curve[own], **_LOOKS[look])
+    place = f"trial {e.trials.index(e.shown) + 1} of {len(e.trials)}"
+    part = ", held out" if traces.held_out[e.shown] else ""
+    axes.set_title(f"{e.title}, {place}{part}", loc="left")
+    axes.tick_params(labelbottom=False)
+    return handles
+
+
+def _draw_missed(axes: Axes, diagnosis: Diagnosis, e: _Experiment) -> dict[str, Any]:
+    traces, floor = diagnosis.traces, diagnosis.gap.noise_floor_deg
+    curves = {"plain": traces.plain_deg}
+    if _explained(diagnosis):
+        curves["explained"] = traces.explained_deg
+    handles = {"noise floor": axes.axhspan(-floor, floor, color=GREY, alpha=0.3, linewidth=0)}
+    sizes = []
+    for look, curve in curves.items():
+        missed = traces.measured_deg - curve
+        for i in e.trials:
+            own = traces.trial == i
+            colour = _LOOKS[look]["color"]
+            if i == e.shown:
+                axes.plot(traces.time_s[own], missed[own], color=colour, linestyle="-")
+                sizes.append(f"{rms(traces.time_s[own], missed[own]):.2f}°")
+            else:
+                axes.plot(
+                    traces.time_s[own],
+                    missed[own],
+                    color=colour,
+                    linestyle="-",
+                    linewidth=0.5,
+                    alpha=0.25,
+                )
+    axes.set_title("RMS " + " → ".join(sizes), loc="left")
+    axes.set_xlabel("time (s)")
+    return handles
+
+
+@dataclass(frozen=True)
+class _Rung:
+    """One line of the ladder."""
+
+    label: str
+    rmse_deg: float | None
+    probability: float | None
+    colour: str
+
+
+@styled
+def ladder_figure(diagnosis: Diagnosis) -> Figure:
+    """Draw the ladder of explanations: error on held-out trials, and probability.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Of any kind; without held-out errors, the plain model's on all trials stands alone.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    rungs = _rungs(diagnosis)
+    figure = new_figure(
+        TWO_COLUMNS_IN, 0.9 + 0.24 * len(rungs), [["error", "error", "probability"]]
+    )
+    error, probability = figure.axes
+    places = range(len(rungs))
+    errors = [0.0 if rung.rmse_deg is None else rung.rmse_deg for rung in rungs]
+    error.barh(places, errors, color=[rung.colour for rung in rungs], height=0.6)
+    error.set_yticks(places, [rung.label for rung in rungs])
+    floor = (
+        diagnosis.gap.noise_floor_deg
+        if diagnosis.shrink is None
+        else diagnosis.shrink.noise_floor_deg
+    )
+    error.axvline(floor, color=BLACK, linestyle="--", linewidth=0.8)
+    error.set_xlim(0.0, 1.15 * max([*errors, floor]))
+    on = "all trials" if diagnosis.shrink is None else "held-out trials"
+    error.set_xlabel(f"RMSE on {on} (°); dashed: noise floor, {floor:.2f}°")
+    for place, rung in zip(places, rungs, strict=True):
+        text = "–" if rung.rmse_deg is None else f"{rung.rmse_deg:.2f}"
+        _write_beside(error, text, 0.0 if rung.rmse_deg is None else rung.rmse_deg, place)
+        if rung.probability is not None:
+            probability.barh(place, rung.probability, color=rung.colour, height=0.6)
+            _write_beside(probability, percent(rung.probability), rung.probability, place)
+    probability.set_xlim(0.0, 1.25)
+    probability.set_xticks([0.0, 0.5, 1.0], ["0", "50 %", "100 %"])
+    probability.set_yticks(places, [""] * len(rungs))
+    probability.set_xlabel("probability")
+    for axes in (error, probability):
+        axes.set_ylim(len(rungs) - 0.4, -0.6)
+        axes.grid(visible=False, axis="y")
+        axes.tick_params(axis="y", length=0)
+    return figure
+
+
+def percent(share: float) -> str:
+    """Write a share in percent; what rounds to none or all is said to be near it."""
+    if 0.0 < share < 0.005:
+        return "< 1 %"
+    if 0.995 <= share < 1.0:
+        return "> 99 %"
+    return f"{100.0 * share:.0f} %"
+
+
+def named(causes: Sequence[Cause], most: int) -> list[Cause]:
+    """Return the most probable causes that are sets of effects, those below 0.5 % left out."""
+    sets = [cause for cause in causes if cause.set not in (("none",), ("unknown",))]
+    return [cause for cause in sets[:most] if cause.probability >= 0.005]
+
+
+def probability_of(causes: Sequence[Cause], name: str) -> float:
+    """Probability of ``none`` or ``unknown``."""
+    return sum(cause.probability for cause in causes if cause.set == (name,))
+
+
+def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
+    shrink, causes = diagnosis.shrink, diagnosis.causes
+    before = diagnosis.gap.rmse_deg if shrink is None else shrink.before_rmse_deg
+    rungs = [_Rung("plain model", before, probability_of(causes, "none"), BLUE)]
+    if shrink is not None:
+        rungs.append(_Rung("refit only", shrink.refit_only_rmse_deg, None, GREEN))
+    for cause in named(causes, _MOST_CAUSES):
+        colour = VERMILION if cause.set in diagnosis.sets else ORANGE
+        rungs.append(_Rung(phrase(cause.set), cause.held_out_rmse_deg, cause.probability, colour))
+    rungs.append(_Rung(phrase(("unknown",)), None, probability_of(causes, "unknown"), GREY))
+    if shrink is not None and shrink.ceiling_rmse_deg is not None:
+        rungs.append(_Rung("free-form ceiling", shrink.ceiling_rmse_deg, None, PURPLE))
+    return rungs
+
+
+def _write_beside(axes: Axes, text: str, value: float, place: int) -> None:
+    axes.annotate(
+        text,
+        (value, place),
+        xytext=(3, 0),
+        textcoords="offset points",
+        va="center",
+        fontsize=6,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.3},
+    )
+
+
+def has_stages(traces: Traces) -> bool:
+    """Say whether pressure or calibration was measured."""
+    return traces.pressure_kpa is not None or traces.fixture_deg.size > 0
+
+
+@styled
+def stages_figure(diagnosis: Diagnosis) -> Figure:
+    """Draw what was measured between the stages: pressure against command, sensor in the fixture.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        With a measured pressure or a calibration (see `has_stages`).
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    traces = diagnosis.traces
+    drive = _drive_experiments(traces)
+    names = [e.name for e in drive]
+    mosaic, heights = [], []
+    if drive:
+        mosaic += [[f"pressure {n}" for n in names], [f"lost {n}" for n in names]]
+        heights += [1.3, 1.0]
+    if traces.fixture_deg.size:
+        mosaic.append(["fixture"] * max(len(names), 1))
+        heights.append(1.4)
+    figure = Figure(figsize=(TWO_COLUMNS_IN, 0.6 + 1.2 * sum(heights)))
+    axes_of = _panels(figure, mosaic, heights)
+    for e in drive:
+        _draw_pressure(axes_of[f"pressure {e.name}"], axes_of[f"lost {e.name}"], traces, e)
+    if drive:
+        axes_of[f"pressure {names[0]}"].set_ylabel("pressure (kPa)")
+        axes_of[f"lost {names[0]}"].set_ylabel("pressure −\ncommand (kPa)")
+        handles, labels = axes_of[f"pressure {names[0]}"].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    if traces.fixture_deg.size:
+        _draw_fixture(axes_of["fixture"], traces)
+    return figure
+
+
+def _drive_experiments(traces: Traces) -> list[_Experiment]:
+    """Return the experiments in which the pressure strays most from the command."""
+    pressure = traces.pressure_kpa
+    if pressure is None or not np.isfinite(traces.command_kpa).all():
+        return []
+    every = _experiments(traces)
+
+    def strays(e: _Experiment) -> float:
+        own = traces.trial == e.shown
+        return rms(traces.time_s[own], pressure[own] - traces.command_kpa[own])
+
+    chosen = sorted(every, key=strays, reverse=True)[:_MOST_STAGE_PANELS]
+    return [e for e in every if e in chosen]
+
+
+def _draw_pressure(above: Axes, below: Axes, traces: Traces, e: _Experiment) -> None:
+    own = traces.trial == e.shown
+    time, command = traces.time_s[own], traces.command_kpa[own]
+    assert traces.pressure_kpa is not None
+    measured = traces.pressure_kpa[own]
+    dots: dict[str, Any] = {
+        "color": BLACK,
+        "linestyle": "none",
+        "marker": ".",
+        "markersize": 2.5,
+        "alpha": 0.6,
+    }
+    above.plot(time, command, color=BLUE, linestyle="--", linewidth=1.0, label="command")
+    above.plot(time, measured, label="measured", **dots)
+    below.axhline(0.0, color=BLUE, linestyle="--", linewidth=1.0)
+    below.plot(time, measured - command, **dots)
+    if traces.drive_kpa is not None:
+        look = _LOOKS["explained"]
+        above.plot(time, traces.drive_kpa[own], label="explained", **look)
+        below.plot(time, traces.drive_kpa[own] - command, **look)
+    above.set_title(f"drive: {e.title}", loc="left")
+    above.tick_params(labelbottom=False)
+    below.set_xlabel("time (s)")
+
+
+def _draw_fixture(axes: Axes, traces: Traces) -> None:
+    window = np.arange(traces.fixture_deg.size)
+    known = axes.twinx()
+    known.step(
+        window, traces.fixture_angle_deg, where="mid", color=SKY, linestyle="-", linewidth=0.8
+    )
+    known.set_ylabel("known angle (°)", color=BLUE)
+    known.grid(visible=False)
+    known.spines["right"].set_visible(True)
+    axes.set_zorder(known.get_zorder() + 1)
+    axes.patch.set_visible(False)
+    axes.plot(
+        window,
+        traces.fixture_deg,
+        color=BLACK,
+        linestyle="none",
+        marker=".",
+        markersize=3,
+        label="measured",
+    )
+    axes.plot(window, traces.fixture_explained_deg, label="explained", **_LOOKS["explained"])
+    axes.set_xlabel("calibration dwells, window by window")
+    axes.set_ylabel("misread (°)")
+    axes.set_title("sensor: what the curve misreads in the calibration fixture", loc="left")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
