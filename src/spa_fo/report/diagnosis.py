@@ -20,7 +20,9 @@ from spa_fo.report.diagnosis_figures import (
 )
 from spa_fo.report.effect_words import (
     EFFECT_WORDS,
+    MAP_WORDS,
     STAGE_WORDS,
+    bin_words,
     joined,
     parameter_words,
     phrase,
@@ -33,20 +35,16 @@ _CAPTIONS = {
     "gap": "What the plain model misses over time, coloured by the command, with every trial in "
     "grey and the noise floor as a band; below, where the gap lies.",
     "before_after": "Each experiment measured and modelled, and what is missed before and after; "
-    "the band is the noise floor.",
+    "the band is the noise floor, the faint lines are the other trials.",
     "ladder": "The ladder of explanations: error on trials that took no part, and probability. The "
     "explanations that stand are red.",
     "stages": "Between the stages: measured pressure against the command, and the sensor in the "
     "calibration fixture.",
 }
-_MAP_WORDS = {
-    "stage": "stage",
-    "phase": "phase of the response",
-    "amplitude": "amplitude",
-    "direction": "direction",
-    "trial": "trial",
-    "frequency": "frequency",
-}
+_BASELINE_WORDS = {"smallest_bic": "smallest BIC", "commonest": "commonest effect"}
+_USE_MODEL = (
+    "Predict with the augmented model: `spa-fo predict augmented_model.json CAMPAIGN --out FILE`."
+)
 _MOST_CAUSES = 8
 _MOST_BINS = 4
 
@@ -193,7 +191,7 @@ def _reached(shrink: Shrink | None, subject: str = "it") -> str:
         return ""
     low, high = shrink.ci95
     return (
-        f"; with {subject} in the model the error on held-out trials changes from "
+        f"; with {subject} in the model the error on held-out trials goes from "
         f"{shrink.before_rmse_deg:.2f}° to {shrink.after_rmse_deg:.2f}°, which closes "
         f"{percent(shrink.fraction_closed)} of the gap (95 % interval {percent(low)} to "
         f"{percent(high)})"
@@ -226,51 +224,53 @@ def _bullets(lines: Sequence[str]) -> list[str]:
 
 
 def _sentence(text: str) -> str:
-    text = text.strip()
-    return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith((".", "!", "?")) else ".")
+    return _ended(f"{text[:1].upper()}{text[1:]}")
+
+
+def _ended(text: str) -> str:
+    return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
 def _next_steps(diagnosis: Diagnosis) -> list[str]:
-    if diagnosis.kind == "no_gap":
-        return [
-            "Use the model as it is.",
-            *_missing_evidence(diagnosis, "A smaller gap would show with"),
-        ]
-    if diagnosis.kind == "cause":
-        (ids,) = diagnosis.sets
-        remedies = [
-            f"{_sentence(phrase((each,)) + ': ' + EFFECT_WORDS[each].remedy)}" for each in ids
-        ]
-        return [*remedies, _use_model(diagnosis)]
-    if diagnosis.kind == "ambiguous":
-        decide = diagnosis.next_experiment
-        return [
-            *([f"**To decide:** {_sentence(decide)}"] if decide else []),
-            *_missing_evidence(diagnosis, "What this campaign lacks:"),
-            f"{_use_model(diagnosis)} It holds the first explanation; do not read its parameters "
-            "as physics before the others are ruled out.",
-        ]
-    return [
-        "Do not trust a name here: look at what is left over (figures), and at the rig where the "
-        "gap is largest.",
-        *(
-            [f"**To learn more:** {_sentence(diagnosis.next_experiment)}"]
-            if diagnosis.next_experiment
-            else []
-        ),
-        *_missing_evidence(diagnosis, "What this campaign lacks:"),
-        *([_use_model(diagnosis)] if diagnosis.sets else []),
-    ]
+    steps = {"no_gap": _keep, "cause": _mend, "ambiguous": _decide, "unknown": _look}
+    return list(steps[diagnosis.kind](diagnosis))
 
 
-def _missing_evidence(diagnosis: Diagnosis, lead: str) -> list[str]:
-    """Name what is missing; why it is needed stands under the evidence."""
+def _keep(diagnosis: Diagnosis) -> Iterator[str]:
+    yield "Use the model as it is."
+    yield from _lacking(diagnosis, "A smaller gap would show with")
+
+
+def _mend(diagnosis: Diagnosis) -> Iterator[str]:
+    for effect in diagnosis.sets[0]:
+        yield _sentence(f"{phrase((effect,))}: {EFFECT_WORDS[effect].remedy}")
+    yield _USE_MODEL
+
+
+def _decide(diagnosis: Diagnosis) -> Iterator[str]:
+    if diagnosis.next_experiment:
+        yield _ended(f"**To decide:** {diagnosis.next_experiment}")
+    yield from _lacking(diagnosis, "This campaign lacks")
+    yield (
+        f"{_USE_MODEL} It holds the first explanation; its parameters are no physics before the "
+        "others are ruled out."
+    )
+
+
+def _look(diagnosis: Diagnosis) -> Iterator[str]:
+    yield "Trust no name here: look at the rig where and when the gap is largest (figures below)."
+    if diagnosis.next_experiment:
+        yield _ended(f"**To learn more:** {diagnosis.next_experiment}")
+    yield from _lacking(diagnosis, "This campaign lacks")
+    if diagnosis.sets:
+        yield f"{_USE_MODEL} It holds the part that is explained."
+
+
+def _lacking(diagnosis: Diagnosis, lead: str) -> Iterator[str]:
+    """Name what evidence is missing; what for stands under the evidence."""
     names = [missing.split(":")[0] for missing in diagnosis.misses]
-    return [_sentence(f"{lead} {joined(names, 'and')}")] if names else []
-
-
-def _use_model(diagnosis: Diagnosis) -> str:
-    return "For predictions until then: `spa-fo predict augmented_model.json CAMPAIGN --out FILE`."
+    if names:
+        yield f"{lead} {joined(names, 'and')}."
 
 
 def _cause_table(diagnosis: Diagnosis) -> str:
@@ -280,10 +280,9 @@ def _cause_table(diagnosis: Diagnosis) -> str:
     rest = 1.0 - none - unknown - sum(cause.probability for cause in shown)
     if rest > 5e-4:
         rows.append(("others together", percent(rest), "", ""))
-    before = diagnosis.gap.rmse_deg if diagnosis.shrink is None else None
-    if diagnosis.shrink is not None:
-        before = diagnosis.shrink.before_rmse_deg
-    rows.append((phrase(("none",)), percent(none), "", f"{before:.2f}"))
+    shrink = diagnosis.shrink
+    before = "" if shrink is None else f"{shrink.before_rmse_deg:.2f}"
+    rows.append((phrase(("none",)), percent(none), "", before))
     rows.append((phrase(("unknown",)), percent(unknown), "", ""))
     return _table(
         ("explanation", "probability", "parameters (95 % interval)", "held-out RMSE (°)"),
@@ -293,7 +292,8 @@ def _cause_table(diagnosis: Diagnosis) -> str:
 
 
 def _cause_row(cause: Cause, stands: bool) -> tuple[str, ...]:
-    name = f"**{phrase(cause.set)}**" if stands else phrase(cause.set)
+    name = phrase(cause.set, " + ")
+    name = f"**{name}**" if stands else name
     held_out = "" if cause.held_out_rmse_deg is None else f"{cause.held_out_rmse_deg:.2f}"
     return name, percent(cause.probability), _parameters(cause), held_out
 
@@ -350,7 +350,7 @@ def _shrink(diagnosis: Diagnosis) -> Iterator[str]:
 
 def _where(diagnosis: Diagnosis) -> Iterator[str]:
     rows = [
-        (_MAP_WORDS[name], _largest(shares))
+        (MAP_WORDS[name], _largest(shares))
         for name, shares in vars(diagnosis.where).items()
         if any(shares.values())
     ]
@@ -360,11 +360,7 @@ def _where(diagnosis: Diagnosis) -> Iterator[str]:
 
 def _largest(shares: Mapping[str, float]) -> str:
     ordered = sorted(shares.items(), key=lambda item: -item[1])
-    shown = [
-        f"{name.replace('_', ' ')} {percent(share)}"
-        for name, share in ordered[:_MOST_BINS]
-        if share
-    ]
+    shown = [f"{bin_words(name)} {percent(share)}" for name, share in ordered[:_MOST_BINS] if share]
     return ", ".join(shown) + (", …" if len(ordered) > _MOST_BINS else "")
 
 
@@ -380,7 +376,7 @@ def _evidence(diagnosis: Diagnosis) -> Iterator[str]:
 def _findings(diagnosis: Diagnosis) -> list[str]:
     found = [_sentence(finding) for finding in diagnosis.findings]
     answers = [
-        f"{name.replace('_', ' ')}: {phrase(ids) if ids else 'no effect'}"
+        f"{_BASELINE_WORDS.get(name, name)}: {phrase(ids) if ids else 'no effect'}"
         for name, ids in diagnosis.baselines.items()
     ]
     if answers:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure, FigureBase
 from numpy.typing import NDArray
 
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Traces
-from spa_fo.report.effect_words import phrase
+from spa_fo.report.effect_words import MAP_WORDS, bin_words, phrase
 from spa_fo.report.style import (
     BLACK,
     BLUE,
@@ -32,22 +32,28 @@ Floats = NDArray[np.float64]
 
 _COLUMNS = 3
 _MOST_PANELS = 9
-_MOST_BARS = 8  # more than these stand upright
 _MOST_CAUSES = 8
+_FEW = 3  # causes that are shown however improbable
 _MOST_STAGE_PANELS = 3
 _LOOKS: dict[str, dict[str, Any]] = {
     "plain": {"color": BLUE, "linestyle": "--", "linewidth": 1.1},
     "refit": {"color": GREEN, "linestyle": ":", "linewidth": 1.3},
     "explained": {"color": VERMILION, "linestyle": "-", "linewidth": 1.3},
 }
-_MAPS = {
-    "stage": "stage",
-    "phase": "phase of the response",
-    "amplitude": "amplitude",
-    "direction": "direction",
-    "trial": "trial order",
-    "frequency": "frequency",
+_DOTS: dict[str, Any] = {
+    "color": BLACK,
+    "linestyle": "none",
+    "marker": ".",
+    "markersize": 2.5,
+    "alpha": 0.6,
 }
+# Bins in the order a reader expects; others follow as they come.
+_BINS = (
+    *("rest", "rise", "hold", "fall", "released", "ramp"),
+    *("below 5 deg", "5-15 deg", "15-30 deg", "30-45 deg", "45-60 deg", "above 60 deg"),
+    *("bending", "still", "relaxing"),
+    *("first third", "second third", "last third"),
+)
 
 
 @dataclass(frozen=True)
@@ -123,13 +129,14 @@ def gap_figure(diagnosis: Diagnosis) -> Figure:
     rows = _grid([f"time {e.name}" for e in experiments])
     bars = _grid([f"share {name}" for name in maps]) if maps else []
     figure = Figure(figsize=(TWO_COLUMNS_IN, 0.6 + 1.45 * len(rows) + 1.35 * len(bars)))
-    heights = [1.1 * len(rows), len(bars)] if bars else [1.0]
+    heights = [0.3 + 1.1 * len(rows), 0.2 + len(bars)] if bars else [1.0]
     blocks = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     _draw_gap(blocks[0], rows, diagnosis, experiments)
     if bars:
         panels = _panels(blocks[1], bars)
         for name, shares in maps.items():
-            _draw_shares(panels[f"share {name}"], _MAPS[name], shares)
+            _draw_shares(panels[f"share {name}"], MAP_WORDS[name], shares)
+        blocks[1].suptitle("share of the gap (%)", fontsize=8)
     return figure
 
 
@@ -152,25 +159,31 @@ def _draw_gap(
     pressure = _driving(traces)
     scale = Normalize(float(pressure.min()), max(float(pressure.max()), 1e-9))
     low, high = min(float(missed.min()), -floor), max(float(missed.max()), floor)
-    dots = None
     for e in experiments:
         axes = axes_of[f"time {e.name}"]
-        axes.axhspan(-floor, floor, color=GREY, alpha=0.25, linewidth=0)
+        band = axes.axhspan(-floor, floor, color=GREY, alpha=0.25, linewidth=0)
         for i in e.trials:
             own = traces.trial == i
-            axes.plot(traces.time_s[own], missed[own], color=GREY, linestyle="-", linewidth=0.4)
+            (trial,) = axes.plot(
+                traces.time_s[own], missed[own], color=GREY, linestyle="-", linewidth=0.4
+            )
         time, mean = _mean_over_trials(traces, e.trials, missed)
         _, kpa = _mean_over_trials(traces, e.trials, pressure)
         axes.axhline(0.0, color=BLACK, linestyle="-", linewidth=0.5)
-        dots = axes.scatter(time, mean, c=kpa, s=5, cmap="viridis", norm=scale, zorder=3)
+        dots = axes.scatter(time, mean, c=kpa, s=3, cmap="viridis", norm=scale, zorder=3)
         axes.set_title(f"{e.title}, {_counted(len(e.trials), 'trial')}", loc="left")
         axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
         axes.set_xlabel("time (s)")
     for row in rows:
         axes_of[row[0]].set_ylabel("measured − model (°)")
-    if dots is not None:
-        bar = part.colorbar(dots, ax=list(axes_of.values()), aspect=30, pad=0.01)
-        bar.set_label("command (kPa)")
+    bar = part.colorbar(dots, ax=list(axes_of.values()), aspect=30, pad=0.01)
+    bar.set_label("command (kPa)")
+    part.legend(
+        [trial, dots, band],
+        ["each trial", "their mean", "noise floor"],
+        loc="outside upper center",
+        ncols=3,
+    )
 
 
 def _driving(traces: Traces) -> Floats:
@@ -183,10 +196,10 @@ def _driving(traces: Traces) -> Floats:
 def _mean_over_trials(
     traces: Traces, trials: Sequence[int], values: Floats
 ) -> tuple[Floats, Floats]:
-    """Average trials of one profile on the times of the shortest."""
+    """Average trials of one profile on the times of the longest, as far as each one goes."""
     each = [(traces.time_s[traces.trial == i], values[traces.trial == i]) for i in trials]
-    time = min((t for t, _ in each), key=lambda t: float(t[-1]))
-    return time, np.mean([np.interp(time, t, v) for t, v in each], axis=0)
+    time = max((t for t, _ in each), key=lambda t: float(t[-1]))
+    return time, np.nanmean([np.interp(time, t, v, right=np.nan) for t, v in each], axis=0)
 
 
 def _counted(count: int, noun: str) -> str:
@@ -194,30 +207,17 @@ def _counted(count: int, noun: str) -> str:
 
 
 def _draw_shares(axes: Axes, title: str, shares: Mapping[str, float]) -> None:
-    names = [name.replace("_", " ") for name in shares]
-    values = 100.0 * np.array(list(shares.values()))
-    axes.set_title(f"{title}: share of the gap (%)", loc="left")
-    if len(names) > _MOST_BARS:
-        axes.bar(range(len(names)), values, color=BLUE, width=0.7)
-        step = -(-len(names) // _MOST_BARS)
-        axes.set_xticks(range(0, len(names), step), names[::step])
-        axes.grid(visible=False, axis="x")
-        return
-    axes.barh(range(len(names)), values, color=BLUE, height=0.65)
-    axes.set_yticks(range(len(names)), names)
-    axes.invert_yaxis()
+    order = sorted(shares, key=lambda name: _BINS.index(name) if name in _BINS else len(_BINS))
+    values = [100.0 * shares[name] for name in order]
+    axes.set_title(title, loc="left")
+    axes.barh(range(len(order)), values, color=BLUE, height=0.65)
+    axes.set_yticks(range(len(order)), [bin_words(name) for name in order])
+    axes.set_ylim(len(order) - 0.4, -0.6)
+    axes.set_xlim(0.0, 120.0)
+    axes.set_xticks([0, 25, 50, 75, 100])
     axes.grid(visible=False, axis="y")
-    reach = max(float(values.max()), 1.0)
-    axes.set_xlim(min(0.0, 1.1 * float(values.min())), 1.25 * reach)
     for place, value in enumerate(values):
-        axes.annotate(
-            f"{value:.0f}",
-            (max(value, 0.0), place),
-            xytext=(2, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=6,
-        )
+        _write_beside(axes, f"{value:.0f}", value, place)
 
 
 @styled
@@ -280,15 +280,7 @@ def _draw_angles(
     own = traces.trial == e.shown
     time = traces.time_s[own]
     handles: dict[str, Any] = {}
-    (handles["measured"],) = axes.plot(
-        time,
-        traces.measured_deg[own],
-        color=BLACK,
-        linestyle="none",
-        marker=".",
-        markersize=2.5,
-        alpha=0.6,
-    )
+    (handles["measured"],) = axes.plot(time, traces.measured_deg[own], **_DOTS)
     for look, (name, curve) in models.items():
         (handles[name],) = axes.plot(time, curve[own], **_LOOKS[look])
     place = f"trial {e.trials.index(e.shown) + 1} of {len(e.trials)}"
@@ -391,13 +383,17 @@ def percent(share: float) -> str:
         return "< 1 %"
     if 0.995 <= share < 1.0:
         return "> 99 %"
-    return f"{100.0 * share:.0f} %"
+    return f"{100.0 * share:.0f} %".replace("-", "−")
 
 
 def named(causes: Sequence[Cause], most: int) -> list[Cause]:
-    """Return the most probable causes that are sets of effects, those below 0.5 % left out."""
+    """Return the most probable sets of effects: those of 0.5 % and more, and the first few."""
     sets = [cause for cause in causes if cause.set not in (("none",), ("unknown",))]
-    return [cause for cause in sets[:most] if cause.probability >= 0.005]
+    return [
+        cause
+        for rank, cause in enumerate(sets[:most])
+        if cause.probability >= 0.005 or (rank < _FEW and cause.held_out_rmse_deg is not None)
+    ]
 
 
 def probability_of(causes: Sequence[Cause], name: str) -> float:
@@ -413,7 +409,9 @@ def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
         rungs.append(_Rung("refit only", shrink.refit_only_rmse_deg, None, GREEN))
     for cause in named(causes, _MOST_CAUSES):
         colour = VERMILION if cause.set in diagnosis.sets else ORANGE
-        rungs.append(_Rung(phrase(cause.set), cause.held_out_rmse_deg, cause.probability, colour))
+        rungs.append(
+            _Rung(phrase(cause.set, " + "), cause.held_out_rmse_deg, cause.probability, colour)
+        )
     rungs.append(_Rung(phrase(("unknown",)), None, probability_of(causes, "unknown"), GREY))
     if shrink is not None and shrink.ceiling_rmse_deg is not None:
         rungs.append(_Rung("free-form ceiling", shrink.ceiling_rmse_deg, None, PURPLE))
@@ -470,7 +468,7 @@ def stages_figure(diagnosis: Diagnosis) -> Figure:
         handles, labels = axes_of[f"pressure {names[0]}"].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     if traces.fixture_deg.size:
-        _draw_fixture(axes_of["fixture"], traces)
+        _draw_fixture(axes_of["fixture"], diagnosis)
     return figure
 
 
@@ -494,17 +492,10 @@ def _draw_pressure(above: Axes, below: Axes, traces: Traces, e: _Experiment) -> 
     time, command = traces.time_s[own], traces.command_kpa[own]
     assert traces.pressure_kpa is not None
     measured = traces.pressure_kpa[own]
-    dots: dict[str, Any] = {
-        "color": BLACK,
-        "linestyle": "none",
-        "marker": ".",
-        "markersize": 2.5,
-        "alpha": 0.6,
-    }
     above.plot(time, command, color=BLUE, linestyle="--", linewidth=1.0, label="command")
-    above.plot(time, measured, label="measured", **dots)
+    above.plot(time, measured, label="measured", **_DOTS)
     below.axhline(0.0, color=BLUE, linestyle="--", linewidth=1.0)
-    below.plot(time, measured - command, **dots)
+    below.plot(time, measured - command, **_DOTS)
     if traces.drive_kpa is not None:
         look = _LOOKS["explained"]
         above.plot(time, traces.drive_kpa[own], label="explained", **look)
@@ -514,7 +505,8 @@ def _draw_pressure(above: Axes, below: Axes, traces: Traces, e: _Experiment) -> 
     below.set_xlabel("time (s)")
 
 
-def _draw_fixture(axes: Axes, traces: Traces) -> None:
+def _draw_fixture(axes: Axes, diagnosis: Diagnosis) -> None:
+    traces = diagnosis.traces
     window = np.arange(traces.fixture_deg.size)
     known = axes.twinx()
     known.step(
@@ -525,16 +517,12 @@ def _draw_fixture(axes: Axes, traces: Traces) -> None:
     known.spines["right"].set_visible(True)
     axes.set_zorder(known.get_zorder() + 1)
     axes.patch.set_visible(False)
-    axes.plot(
-        window,
-        traces.fixture_deg,
-        color=BLACK,
-        linestyle="none",
-        marker=".",
-        markersize=3,
-        label="measured",
-    )
-    axes.plot(window, traces.fixture_explained_deg, label="explained", **_LOOKS["explained"])
+    axes.plot(window, traces.fixture_deg, label="measured", **_DOTS)
+    if _explained(diagnosis):
+        axes.plot(window, traces.fixture_explained_deg, label="explained", **_LOOKS["explained"])
+    # A sensor without fault shows its noise alone: do not blow it up.
+    reach = 1.15 * max(float(np.abs(traces.fixture_deg).max()), 0.5 * diagnosis.gap.noise_floor_deg)
+    axes.set_ylim(-reach, reach)
     axes.set_xlabel("calibration dwells, window by window")
     axes.set_ylabel("misread (°)")
     axes.set_title("sensor: what the curve misreads in the calibration fixture", loc="left")

@@ -139,10 +139,25 @@ EFFECT_WORDS: Mapping[str, Words] = {
 }
 
 
-def phrase(ids: Sequence[str]) -> str:
+MAP_WORDS: Mapping[str, str] = {
+    "stage": "stage",
+    "phase": "phase of the response",
+    "amplitude": "amplitude",
+    "direction": "direction",
+    "trial": "trial order",
+    "frequency": "frequency",
+}
+"""What the maps of where a gap lies are called."""
+
+
+def phrase(ids: Sequence[str], between: str = " together with ") -> str:
     """Name a set of effects as people say it; ``none`` and ``unknown`` too."""
-    names = [_name(each) for each in ids]
-    return " together with ".join(names) if len(names) < 3 else joined(names, "and")
+    return between.join(_name(each) for each in ids)
+
+
+def bin_words(name: str) -> str:
+    """Name a bin of a map."""
+    return name.replace("_", " ").replace(" deg", "°")
 
 
 def joined(parts: Sequence[str], word: str) -> str:
@@ -174,9 +189,12 @@ _UNITS = {"1": "", "deg": "°", "deg per trial": "° per trial"}
 
 
 def parameter_words(effect: str, parameter: str) -> tuple[str, str]:
-    """Return a parameter's name without its unit, and the unit to put behind the number."""
+    """Return a parameter's name without its unit, and the unit to put behind the number.
+
+    Those of ``parameter_shift`` are ratios to the plain model's coefficients.
+    """
     if effect == "parameter_shift":
-        return parameter, "times"
+        return f"{parameter} ×", ""
     unit = next((p.unit for p in LIBRARY[effect].parameters if p.name == parameter), "1")
     name = parameter.removesuffix(_SUFFIXES.get(unit, ""))
     return name.replace("_", " "), _UNITS.get(unit, unit)
