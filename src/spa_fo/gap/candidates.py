@@ -18,7 +18,7 @@ from spa_fo.gap.drive import DriveFit, fit_drive, fit_drives
 from spa_fo.gap.evidence import Evidence, angle_chain, modelled_pressure, tolerant
 from spa_fo.gap.explain import AngleProblem, Fit, Slot, best_fit, to_z
 from spa_fo.gap.floor import noise_floor
-from spa_fo.gap.pickup import Pickup, fast_line, slow_line
+from spa_fo.gap.pickup import Pickup, fast_line, is_locked, slow_line
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -27,6 +27,9 @@ Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
 _PAIRED = 6  # so many of the best single effects are tried in pairs
+_FREED = 8  # so many with the coefficients free
+_SCREENING_STEPS = 3
+_PROMISING = 40.0  # nats behind the best after screening
 RELEVANT = 0.35
 """An effect that moves the angle by less than this part of the noise floor is none."""
 
@@ -109,23 +112,21 @@ def consider(
     ]
     base = fitter.fit((), "known")
     free = fitter.fit((), "free", base.searched)
-    levels = ("free",) if own else ("near", "free")
-    for name in singles:
-        for level in levels:
-            fitter.single(name, level, free.searched if level == "free" else base.searched)
+    level = "free" if own else "near"
+    start = free if own else base
+    ranked = fitter.singles(singles, level, start.searched)
+    if not own:
+        for name in ranked[:_FREED]:
+            fitter.single(name, "free", free.searched)
     fast = fast_line(evidence)
     slow = None
     if "mains_pickup" not in excluded:
-        level = levels[0]
-        start = free if own else base
         slow = slow_line(fitter.problem((), level), start.searched)
-        fitter.fit(("mains_pickup",), level, start.searched, slow.frequency_hz)
-    ranked = sorted(
-        singles,
-        key=lambda name: -max(fitter.fits[((name,), level)].log_evidence for level in levels),
-    )
+        fit = fitter.fit(("mains_pickup",), level, start.searched, slow.frequency_hz)
+        if is_locked(evidence, fit):
+            del fitter.fits[(("mains_pickup",), level)]
     for pair in combinations(ranked[:_PAIRED], 2):
-        fitter.pair(ordered(pair), levels[0])
+        fitter.pair(ordered(pair), level)
     return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow, tuple(excluded))
 
 
@@ -204,13 +205,28 @@ class _Fitter:
         self.fits[(ids, level)] = problem.fit(to_z(self.given) if start is None else start[:5])
         return self.fits[(ids, level)]
 
+    def singles(self, names: Sequence[str], level: str, base: Floats) -> list[str]:
+        """Fit single effects, the promising ones to the end; return them, best first."""
+        first = {}
+        for name in names:
+            problem = self.problem((name,), level)
+            fits = [problem.fit(start, _SCREENING_STEPS) for start in problem.starts(base)]
+            first[name] = best_fit(fits)
+            self.fits[((name,), level)] = first[name]
+        ranked = sorted(names, key=lambda name: -first[name].log_evidence)
+        best = first[ranked[0]].log_evidence if ranked else 0.0
+        for rank, name in enumerate(ranked):
+            if rank < _PAIRED or best - first[name].log_evidence < _PROMISING:
+                self.single(name, level, base)
+        return sorted(names, key=lambda name: -self.fits[((name,), level)].log_evidence)
+
     def single(self, name: str, level: str, base: Floats) -> None:
         problem = self.problem((name,), level)
-        starts = problem.starts(base)
-        near = self.fits.get(((name,), "near"))
-        if near is not None:
-            starts = [near.searched, starts[0]]
+        earlier = self.fits.get(((name,), level)) or self.fits.get(((name,), "near"))
+        starts = [earlier.searched] if earlier is not None else problem.starts(base)
         fits = [problem.fit(start) for start in starts]
+        if earlier is not None and earlier.level == level:
+            fits.append(earlier)
         if name == "sensor_nonlinearity" and self.evidence.drift_deg.size:
             changed = AngleProblem(
                 self.evidence, self.chain, self.given, (name,), level, changed=True

@@ -29,7 +29,7 @@ from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse, shrink
 from spa_fo.gap.locate import shares
 from spa_fo.gap.unknown import Stress, unknown_probability
-from spa_fo.gap.verdict import Scored, Verdict, judge, leftover, stage_shares, weigh
+from spa_fo.gap.verdict import Scored, Verdict, beating, judge, leftover, stage_shares, weigh
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
 from spa_fo.plant.effects.library import IDS, LIBRARY
@@ -41,6 +41,7 @@ COMMONEST = "hysteresis"
 """What one hears most often about soft actuators: a baseline that always answers so."""
 _SAME_MODEL = 0.01  # of the static gain: two step responses nearer than that are one model
 _PART_EXPLAINED = 0.5  # of the gap, held out: less is nothing explained
+_WORTH_TESTING = 0.01  # probability from which an explanation's predictions are tried
 _RUNGS = 6  # explanations whose held-out error is computed
 
 
@@ -114,7 +115,7 @@ def diagnose(
     floor = noise_floor(everything)
 
     candidates = consider(evidence, given, own, excluded)
-    scored = weigh(candidates, floor)
+    scored = _tested(weigh(candidates, floor), everything, held, given)
     unknown, stress = unknown_probability(scored, candidates, floor)
     verdict = _verdict(scored, unknown)
 
@@ -188,6 +189,21 @@ def _is_own(data: CampaignData, plain: Model, seed: int) -> bool:
     one = step_response(t, *plain.transfer_function.as_array())
     other = step_response(t, *fitted.transfer_function.as_array())
     return bool(np.abs(one - other).max() < _SAME_MODEL * plain.transfer_function.gain)
+
+
+def _tested(
+    scored: list[Scored], everything: Evidence, held: HeldOut, given: Floats
+) -> list[Scored]:
+    """Leave out what does not beat the plain model on trials that took no part."""
+    where = judged(everything, held)
+    nothing = np.full_like(scored[0].explanation.effects(), np.nan)
+    plain, _ = angle_chain(everything, given, None).run(given, nothing)
+    errors = {
+        s.explanation.ids: rmse(everything, simulate(s.explanation, everything), where)
+        for s in scored
+        if s.probability > _WORTH_TESTING and "mains_pickup" not in s.explanation.ids
+    }
+    return beating(scored, errors, rmse(everything, plain, where))
 
 
 def _verdict(scored: Sequence[Scored], unknown: float) -> Verdict:

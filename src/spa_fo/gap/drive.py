@@ -17,15 +17,12 @@ from spa_fo.gap.evidence import Evidence, modelled_pressure
 from spa_fo.gap.explain import TIMING_S, Slot
 from spa_fo.gap.mixed import Block, Prior, Solution, normal_equations, solve
 from spa_fo.plant.effects.library import LIBRARY, absent
-from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]
 
 _OFFSET_KPA, _GAIN = 0.4, 0.004  # of the pressure sensor
 
 _BLUR = 0.5  # of the change of pressure within six cells: when exactly it changed is not known
-# A row's pressure is read before its command acts: it belongs to the cell that ends there.
-_BEFORE = 0.9
 _MOST_STEPS = 15
 _CONVERGED = 0.05
 
@@ -77,7 +74,7 @@ def fit_drives(evidence: Evidence, excluded: Sequence[str] = ()) -> dict[tuple[s
     names = [
         name for name, effect in LIBRARY.items() if effect.stage == "drive" and name not in excluded
     ]
-    fits = {(): fit_drive(evidence, ())}
+    fits: dict[tuple[str, ...], DriveFit] = {(): fit_drive(evidence, ())}
     for name in names:
         fits[(name,)] = fit_drive(evidence, (name,))
     ranked = sorted(names, key=lambda name: -fits[(name,)].log_evidence)[:4]
@@ -109,11 +106,10 @@ class _Problem:
         self.group[p + 3 :] = 0
         sensor = np.array([_OFFSET_KPA, _GAIN, TIMING_S])
         self.variance = np.concatenate([self.spread**2, sensor**2, np.ones(evidence.supports)])
-        # Where each averaged sample lies among the cells' middles.
-        first = grid.cell_starts[grid.sample_trial]
-        cells = grid.cell_starts[grid.sample_trial + 1] - first
-        self.at = first + np.clip(grid.time_s / FINEST_STEP_S - _BEFORE, 0.0, cells - 1.0)
-        assert grid.pressure_kpa is not None and grid.command_kpa is not None
+        # The cells in the middle of each averaged sample's step.
+        self.at = grid.first_cell[grid.sample_step] + grid.cells[grid.sample_step] // 2
+        assert grid.pressure_kpa is not None
+        assert grid.command_kpa is not None
         blur = _BLUR * (self._change(grid.pressure_kpa) + self._change(grid.command_kpa))
         self.noise = evidence.pressure_noise_kpa**2 / grid.counts + blur**2 + 0.02**2
         if evidence.pressure_variance is not None:
@@ -123,8 +119,8 @@ class _Problem:
     def _change(self, cells: Floats) -> Floats:
         """Change of a pressure about each averaged sample, from three cells before to three after."""
         size = cells.size
-        at = np.rint(self.at).astype(int)
-        return np.abs(cells[np.minimum(at + 3, size - 1)] - cells[np.maximum(at - 3, 0)])
+        after, before = np.minimum(self.at + 3, size - 1), np.maximum(self.at - 3, 0)
+        return np.asarray(np.abs(cells[after] - cells[before]))
 
     def effects(self, z: Floats) -> Floats:
         e = absent()
@@ -134,7 +130,10 @@ class _Problem:
 
     def predict(self, z: Floats) -> Floats:
         cells = modelled_pressure(self.evidence, self.effects(z))
-        return np.interp(self.at, np.arange(cells.size), cells)
+        # A row's pressure is read before its command acts: it belongs to the cell that ends there,
+        # so an averaged sample is the mean over just the cells of its step.
+        grid = self.evidence.grid
+        return np.asarray(grid.step_means(cells)[grid.sample_step])
 
     def blocks(self, z: Floats) -> tuple[list[Block], Floats]:
         evidence, p = self.evidence, len(self.slots)

@@ -20,6 +20,7 @@ from spa_fo.rig import Calibration, CampaignData, Dwell
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_LONGEST_LEVEL = 4  # of a step: 0.32 s resolves what is slow, and a diagnosis takes many runs
 _BINNING_DEG = 0.03  # error of averaging a curve over a step
 _TIMING_S = 0.003  # error of one sample's time
 _DISCREPANCY_SPACING = 9  # averaged samples from one support of the discrepancy to the next
@@ -233,7 +234,7 @@ def _local(evidence: Evidence, gap: Floats) -> Floats:
 
 def collect(data: CampaignData) -> Evidence:
     """Gather the evidence of a campaign."""
-    grid = campaign_grid(data.trials, data.campaign.folder)
+    grid = campaign_grid(data.trials, data.campaign.folder, longest=_LONGEST_LEVEL)
     names = list(dict.fromkeys(trial.experiment for trial in grid.trials))
     experiment = np.array([names.index(trial.experiment) for trial in grid.trials])
     noise = _white([trial.angle_deg for trial in grid.trials])

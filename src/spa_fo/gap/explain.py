@@ -26,7 +26,7 @@ SCALES = np.array([0.005, 0.2, 0.007, 0.06, 0.4, 1.0])
 
 COEFFICIENT_SPREAD = {
     "known": np.array([0.003, 0.003, 0.008, 0.005, 0.003]),
-    "near": np.array([0.005, 0.005, 0.014, 0.01, 0.006]),
+    "near": np.array([0.006, 0.006, 0.018, 0.014, 0.008]),
     "free": np.array([0.12, 0.12, 0.35, 0.3, 0.25]),
 }
 """Prior spread of (alpha2, alpha1, ln a1, ln a0, ln K) about the given model.
@@ -122,6 +122,8 @@ class Fit:
         Zero of the sensor by trial.
     drift_deg : (m,) array
         What it makes of later calibrations.
+    waves_deg : (logs, 2) array
+        Cosine and sine of an interference, by trial and then by calibration.
     trial_effects : (trials, 3) array
         Each trial's own gain, rest angle, pace.
     log_evidence : float
@@ -141,6 +143,7 @@ class Fit:
     curve_deg: Floats
     zeros_deg: Floats
     drift_deg: Floats
+    waves_deg: Floats
     trial_effects: Floats
     log_evidence: float
 
@@ -379,7 +382,7 @@ class AngleProblem:
         mean[: self.parameters] = self.centre - z
         return Prior(mean, self.variance, self.group, self.scales)
 
-    def fit(self, start: Floats) -> Fit:
+    def fit(self, start: Floats, most_steps: int = _MOST_STEPS) -> Fit:
         """Search from `start`.
 
         Returns
@@ -391,7 +394,7 @@ class AngleProblem:
         variances = self.scales**2
         best: tuple[float, Floats, Floats, Solution, list[Block]] | None = None
         step = np.zeros(z.size)
-        for _ in range(_MOST_STEPS):
+        for _ in range(most_steps):
             blocks, y = self.blocks(z)
             prior = self.prior(z)
             normal = normal_equations(blocks, self.size)
@@ -467,6 +470,7 @@ class AngleProblem:
             curve_deg=b[self.curve],
             zeros_deg=zeros,
             drift_deg=self._drift(b),
+            waves_deg=b[self.waves],
             trial_effects=b[self.own],
             log_evidence=solution.log_evidence,
         )

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincc
 
 from spa_fo.gap.evidence import Evidence
-from spa_fo.gap.explain import PICKUP, AngleProblem
+from spa_fo.gap.explain import PICKUP, AngleProblem, Fit
 from spa_fo.gap.mixed import Block, Prior, normal_equations, solve
 
 Floats = NDArray[np.float64]
@@ -16,6 +17,7 @@ Floats = NDArray[np.float64]
 _PADDED = 8192
 _SLOWEST_FAST_HZ = 3.2  # of the lines that the averaged samples do not show
 _SLOW_HZ = np.geomspace(0.02, _SLOWEST_FAST_HZ, 30)
+_LOCKED = 0.01  # probability of phases so much alike by chance
 _FEWEST = 4  # samples of a step that say something about what is fast
 
 
@@ -97,6 +99,23 @@ def slow_line(problem: AngleProblem, z: Floats) -> Pickup:
         found = _best_of(problem, blocks, prior, found * np.geomspace(1.0 / step, step, 7))
         step = step ** (1.0 / 3.0)
     return Pickup(found, 0.0, 0.0, True)
+
+
+def is_locked(evidence: Evidence, fit: Fit) -> bool:
+    """Whether a wave keeps its phase from trial to trial: then the response makes it, no mains.
+
+    Rayleigh's test within the experiments (Mardia and Jupp 2000, section 6.3.1), their statistics
+    added up.
+    """
+    groups: dict[int, list[complex]] = {}
+    for trial in np.flatnonzero(evidence.takes_part).tolist():
+        wave = complex(*fit.waves_deg[trial])
+        groups.setdefault(int(evidence.support_index[trial][0]), []).append(wave)
+    repeated = [np.array(waves) for waves in groups.values() if len(waves) >= 2]
+    if not repeated:
+        return False
+    statistic = sum(float(abs(np.sum(w)) ** 2 / np.sum(np.abs(w) ** 2)) for w in repeated)
+    return float(gammaincc(len(repeated), statistic)) < _LOCKED
 
 
 def _best_of(

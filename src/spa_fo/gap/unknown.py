@@ -108,6 +108,6 @@ def _drift(scored: Scored, candidates: Candidates) -> float:
         return 0.0
     predicted = scored.explanation.fit.drift_deg
     missed = evidence.drift_deg - predicted
-    left = float(np.sqrt(max(np.mean(missed**2 - evidence.drift_sigma_deg**2), 0.0)))
+    left = float(np.sqrt(max(float(np.mean(missed**2 - evidence.drift_sigma_deg**2)), 0.0)))
     seen = float(np.sqrt(np.mean(evidence.drift_deg**2)))
     return left / float(np.hypot(_DRIFT_DEG, _OF_DRIFT * seen))

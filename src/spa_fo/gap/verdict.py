@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -23,6 +23,7 @@ _LOG_NONE = np.log(0.3)
 _LOG_SINGLE = np.log(0.5 / len(IDS))
 _LOG_PAIR = np.log(0.2 / (len(IDS) * (len(IDS) - 1) / 2))
 _LOG_FURTHER = -5.0
+_LOG_SHIFTED = -4.0  # other coefficients are how a wrong effect makes up for the right one
 _SHORTLIST = 60.0  # nats behind the best that may still matter after tempering
 COVERED = 0.95
 """Probability that the verdict's sets hold together, of what is named at all."""
@@ -100,7 +101,8 @@ def log_prior(ids: Ids) -> float:
         return float(_LOG_NONE)
     if len(ids) == 1:
         return float(_LOG_SINGLE)
-    return float(_LOG_PAIR + _LOG_FURTHER * (len(ids) - 2))
+    shifted = _LOG_SHIFTED if "parameter_shift" in ids else 0.0
+    return float(_LOG_PAIR + _LOG_FURTHER * (len(ids) - 2) + shifted)
 
 
 def weigh(candidates: Candidates, floor_deg: float) -> list[Scored]:
@@ -179,7 +181,29 @@ def _fixture_leftover(evidence: Evidence, explanation: Explanation) -> float:
         return 0.0
     predicted, _ = fixture.simulate(explanation.effects())
     missed = fixture.deviation_deg - predicted
-    return float(np.sqrt(max(np.mean(missed**2 - fixture.sigma_deg**2), 0.0)))
+    return float(np.sqrt(max(float(np.mean(missed**2 - fixture.sigma_deg**2)), 0.0)))
+
+
+def beating(scored: Sequence[Scored], errors: dict[Ids, float], plain: float) -> list[Scored]:
+    """Leave out explanations that predict held-out trials no better than the plain model.
+
+    Parameters
+    ----------
+    scored : sequence of Scored
+        All explanations.
+    errors : dict
+        Held-out RMS errors of those that were tried, deg.
+    plain : float
+        That of the plain model, deg.
+    """
+    kept = [
+        s for s in scored if not s.explanation.ids or errors.get(s.explanation.ids, -1.0) < plain
+    ]
+    total = sum(s.probability for s in kept)
+    if total <= 0.0:
+        return list(scored)
+    kept = [replace(s, probability=s.probability / total) for s in kept]
+    return sorted(kept, key=lambda s: -s.probability)
 
 
 def judge(scored: Sequence[Scored], unknown: float, p_value: float, significant: bool) -> Verdict:
