@@ -73,8 +73,7 @@ def rms(t_s: Floats, values: Floats) -> float:
     """Root mean square over time, whatever the spacing of the samples."""
     if t_s.size < 2:
         return float(np.sqrt(np.mean(values**2)))
-    weight = np.gradient(t_s)
-    return float(np.sqrt(np.average(values**2, weights=weight)))
+    return float(np.sqrt(np.trapezoid(values**2, t_s) / (t_s[-1] - t_s[0])))
 
 
 def _experiments(traces: Traces) -> list[_Experiment]:

@@ -1,0 +1,417 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+from spa_fo.errors import BadInput
+from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Shrink, Traces, Where
+from spa_fo.plant import Model, TransferFunction
+from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.report.diagnosis import document, verdict, write_report
+from spa_fo.report.diagnosis_figures import (
+    before_after_figure,
+    gap_figure,
+    has_stages,
+    ladder_figure,
+    percent,
+    rms,
+    stages_figure,
+)
+from spa_fo.report.effect_words import EFFECT_WORDS, parameter_words, phrase
+
+PLAIN = Model("bench", "rubber", TransferFunction(1.4, 1.2, 0.8, 1.6, 0.9), 30.0)
+STAGES = {"drive": 0.1, "actuator": 0.83, "sensor": 0.07, "acquisition": 0.0}
+NOWHERE = Where(dict.fromkeys(STAGES, 0.0), {}, {}, {}, {}, {})
+CREEP = Cause(
+    ("creep",),
+    0.83,
+    {
+        "creep": {
+            "per_decade": {"value": 0.0349, "ci95": [0.0336, 0.0362]},
+            "tilt": {"value": 1.03, "ci95": None},
+        }
+    },
+    {},
+    held_out_rmse_deg=0.62,
+)
+PAIR = Cause(
+    ("line_lag", "sensor_slip"),
+    0.1,
+    {
+        "line_lag": {"time_constant_s": {"value": 0.15, "ci95": [0.14, 0.16]}},
+        "sensor_slip": {"walk_deg": {"value": 0.2, "ci95": [0.1, 0.3]}},
+    },
+    {},
+    held_out_rmse_deg=0.81,
+)
+NONE, UNKNOWN = Cause(("none",), 0.05, {}, {}, 2.1), Cause(("unknown",), 0.02, {}, {})
+SHRINK = Shrink("one trial of each experiment", 2.1, 0.62, 1.7, 0.58, 0.5, 0.95, (0.9, 0.98))
+
+
+def traces(pressure: bool = True, calibration: bool = True) -> Traces:
+    """Two experiments of two trials each, the second of each held out."""
+    time = np.linspace(0.0, 10.0, 40)
+    command = np.where(time > 1.0, 30.0, 0.0)
+    plain = 30.0 * (1.0 - np.exp(-np.maximum(time - 1.0, 0.0)))
+    measured = plain * (1.0 + 0.01 * time)
+    windows = np.arange(16.0)
+    drive = 0.98 * np.tile(command, 4)
+    return Traces(
+        experiment=("step_30", "step_30", "hold_45", "hold_45"),
+        label=("step_30/1", "step_30/2", "hold_45/1", "hold_45/2"),
+        trial=np.repeat(np.arange(4), time.size),
+        time_s=np.tile(time, 4),
+        command_kpa=np.tile(command, 4),
+        measured_deg=np.tile(measured, 4),
+        plain_deg=np.tile(plain, 4),
+        explained_deg=np.tile(measured - 0.1, 4),
+        refit_deg=np.tile(1.05 * plain, 4),
+        pressure_kpa=drive if pressure else None,
+        drive_kpa=drive if pressure else None,
+        held_out=np.array([False, True, False, True]),
+        fixture_angle_deg=10.0 * windows if calibration else np.zeros(0),
+        fixture_deg=0.1 * np.sin(windows) if calibration else np.zeros(0),
+        fixture_explained_deg=0.1 * np.sin(windows) if calibration else np.zeros(0),
+    )
+
+
+def diagnosis(**changes: Any) -> Diagnosis:
+    """One cause, everything measured."""
+    whole = Diagnosis(
+        campaign="bench",
+        material="rubber",
+        provenance="synthetic",
+        seed=7,
+        excluded=(),
+        gap=Gap(2.14, 0.5, True, 1e-12),
+        where=Where(
+            STAGES,
+            {"rise": 0.2, "hold": 0.8},
+            {"5-15 deg": 0.4, "below 5 deg": 0.6},
+            {"bending": 1.0},
+            {"first third": 0.3, "second third": 0.3, "last third": 0.4},
+            {"below 0.1 Hz": 0.9, "0.1-0.3 Hz": 0.1},
+        ),
+        causes=(CREEP, PAIR, NONE, UNKNOWN),
+        kind="cause",
+        sets=(("creep",),),
+        next_experiment=None,
+        shrink=SHRINK,
+        offers=("4 trials: step, hold",),
+        misses=(),
+        findings=("nothing else stands out",),
+        baselines={"smallest_bic": ["gravity_load"], "commonest": []},
+        traces=traces(),
+        model=PLAIN,
+    )
+    return replace(whole, **changes)
+
+
+NO_GAP = diagnosis(
+    gap=Gap(0.52, 0.5, False, 0.43),
+    where=NOWHERE,
+    causes=(replace(NONE, probability=0.98), replace(CREEP, probability=0.01), UNKNOWN),
+    kind="no_gap",
+    sets=(),
+    shrink=None,
+    misses=("a long hold: creep shows there", "measured pressure"),
+)
+AMBIGUOUS = diagnosis(
+    causes=(
+        replace(CREEP, probability=0.51),
+        Cause(("sensor_creep",), 0.42, {"sensor_creep": {}}, {}, 0.63),
+        NONE,
+        UNKNOWN,
+    ),
+    kind="ambiguous",
+    sets=(("creep",), ("sensor_creep",)),
+    next_experiment="a calibration with dwells of 60 s",
+)
+UNEXPLAINED = diagnosis(
+    causes=(replace(UNKNOWN, probability=0.97), replace(CREEP, probability=0.02), NONE),
+    kind="unknown",
+    sets=(),
+    shrink=None,
+    where=replace(NOWHERE, phase={"hold": 1.0}),
+    traces=traces(pressure=False, calibration=False),
+)
+PARTLY = diagnosis(
+    causes=(replace(UNKNOWN, probability=0.9), CREEP, NONE), kind="unknown", sets=(("creep",),)
+)
+EVERY = (diagnosis(), NO_GAP, AMBIGUOUS, UNEXPLAINED, PARTLY)
+
+
+def sections(page: str) -> dict[str, str]:
+    parts = re.split(r"^## (.*)$", page, flags=re.MULTILINE)
+    return {title: body.strip() for title, body in zip(parts[1::2], parts[2::2], strict=True)}
+
+
+def rows(table: str) -> dict[str, list[str]]:
+    """Return the cells behind the first of each row of the Markdown tables in a text."""
+    lines = [line for line in table.splitlines() if line.startswith("|")]
+    cells = [[cell.strip(" *") for cell in line.strip("|").split("|")] for line in lines]
+    return {row[0]: row[1:] for row in cells}
+
+
+@pytest.mark.parametrize("each", EVERY, ids=lambda d: f"{d.kind}-{len(d.sets)}")
+def test_the_verdict_is_two_sentences_with_both_errors(each: Diagnosis) -> None:
+    text = verdict(each)
+    assert len(re.findall(r"\.(?:\s|$)", text)) == 2
+    assert f"{each.gap.rmse_deg:.2f}°" in text
+    assert f"{each.gap.noise_floor_deg:.2f}°" in text
+    assert each.campaign in text
+
+
+def test_a_cause_is_named_with_its_stage_probability_and_shrink() -> None:
+    text = verdict(diagnosis())
+    assert "**creep of the material**" in text
+    assert "83 % of that gap arises in the actuator" in text
+    assert "probability of 83 %" in text
+    assert "from 2.10° to 0.62°" in text
+    assert "closes 95 % of the gap (95 % interval 90 % to 98 %)" in text
+    assert "p < 0.001" in text
+
+
+def test_no_gap_blames_nothing() -> None:
+    text = document(NO_GAP)
+    assert "no gap" in sections(text)["The verdict"]
+    assert "p = 0.43" in sections(text)["The verdict"]
+    assert "creep of the material" not in sections(text)["The verdict"]
+    assert "Use the model as it is." in sections(text)["What to do next"]
+    assert "a long hold and measured pressure." in sections(text)["What to do next"]
+    assert "How far it shrinks" not in sections(text)
+
+
+def test_an_ambiguous_verdict_names_every_set_and_what_would_decide() -> None:
+    page = sections(document(AMBIGUOUS))
+    assert (
+        "**creep of the material** (51 %) and **creep of the sensor** (42 %)"
+        in (page["The verdict"])
+    )
+    assert "The cause is" not in page["The verdict"]
+    assert "**To decide:** a calibration with dwells of 60 s." in page["What to do next"]
+
+
+def test_unknown_trusts_no_name() -> None:
+    page = sections(document(UNEXPLAINED))
+    assert "**unknown**" in page["The verdict"]
+    assert "97 % probable" in page["The verdict"]
+    assert "no part of it is explained" in page["The verdict"]
+    assert "augmented" not in page["What to do next"]
+    assert "Nothing is explained" in page["How far it shrinks"]
+
+
+def test_unknown_says_what_part_is_explained() -> None:
+    page = sections(document(PARTLY))
+    assert "**unknown**" in page["The verdict"]
+    assert "**creep of the material** explains a part" in page["The verdict"]
+    assert "augmented_model.json" in page["What to do next"]
+
+
+@pytest.mark.parametrize("each", EVERY, ids=lambda d: f"{d.kind}-{len(d.sets)}")
+def test_the_probabilities_of_the_table_are_those_given(each: Diagnosis) -> None:
+    table = rows(sections(document(each))["Which cause"])
+    for cause in each.causes:
+        assert table[phrase(cause.set, " + ")][0] == percent(cause.probability)
+
+
+def test_causes_left_out_of_the_table_are_added_up() -> None:
+    tiny = [Cause((name,), 0.004, {}, {}) for name in ("leak", "dead_time", "stiffening")]
+    table = rows(sections(document(diagnosis(causes=(CREEP, *tiny, NONE, UNKNOWN))))["Which cause"])
+    assert "leak" not in table
+    assert table["others together"][0] == percent(1.0 - 0.83 - 0.05 - 0.02)
+
+
+def test_parameters_have_intervals_and_units() -> None:
+    table = rows(sections(document(diagnosis()))["Which cause"])
+    assert table["creep of the material"][1] == "per decade 0.0349 (0.0336 to 0.0362), tilt 1.03"
+    assert table["pneumatic lag of the line + slip of the sensor"][1] == (
+        "pneumatic lag of the line: time constant 0.15 (0.14 to 0.16) s; "
+        "slip of the sensor: walk 0.2 (0.1 to 0.3)° per trial"
+    )
+    assert table["creep of the material"][2] == "0.62"
+
+
+def test_the_shrink_stands_beside_refit_ceiling_and_floor() -> None:
+    table = rows(sections(document(diagnosis()))["How far it shrinks"])
+    found = {name: cells[0] for name, cells in table.items()}
+    assert found["plain model"] == "2.10"
+    assert found["refit only"] == "1.70"
+    assert found["with the explanation"] == "0.62"
+    assert found["free-form ceiling (no physics)"] == "0.58"
+    assert found["noise floor"] == "0.50"
+
+
+def test_without_a_ceiling_it_is_not_listed() -> None:
+    page = document(diagnosis(shrink=replace(SHRINK, ceiling_rmse_deg=None)))
+    assert "ceiling" not in page
+
+
+def test_where_lists_the_largest_shares_first() -> None:
+    table = rows(sections(document(diagnosis()))["Where"])
+    assert table["stage"] == ["actuator 83 %, drive 10 %, sensor 7 %"]
+    assert table["amplitude"] == ["below 5° 60 %, 5-15° 40 %"]
+
+
+def test_the_page_says_what_the_data_are_and_what_was_withheld() -> None:
+    page = document(diagnosis(provenance="measured", excluded=("creep", "leak")))
+    assert page.splitlines()[2].startswith("**Measured data.** rubber, seed 7")
+    assert "Taken out of the library for this diagnosis: creep of the material, leak." in page
+
+
+def test_evidence_findings_and_baselines_are_told() -> None:
+    page = sections(document(replace(NO_GAP, offers=("4 trials: step, hold",))))
+    assert "- 4 trials: step, hold." in page["What the evidence is"]
+    assert "- A long hold: creep shows there." in page["What the evidence is"]
+    assert "- Nothing else stands out." in page["Findings"]
+    assert "smallest BIC: gravity; commonest effect: no effect." in page["Findings"]
+
+
+def test_every_effect_of_the_library_has_words() -> None:
+    assert set(EFFECT_WORDS) == set(LIBRARY)
+    names = [words.name for words in EFFECT_WORDS.values()]
+    assert len(set(names)) == len(names)
+    for effect in LIBRARY.values():
+        for parameter in effect.parameters:
+            words, unit = parameter_words(effect.id, parameter.name)
+            assert "_" not in words + unit
+    assert parameter_words("leak", "rate_per_s") == ("rate", "1/s")
+    assert parameter_words("slew_limit", "rise_kpa_s") == ("rise", "kPa/s")
+    assert parameter_words("parameter_shift", "a1") == ("a1 ×", "")
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [
+        (0.0, "0 %"),
+        (0.001, "< 1 %"),
+        (0.83, "83 %"),
+        (0.999, "> 99 %"),
+        (1.0, "100 %"),
+        (-0.2, "−20 %"),
+    ],
+)
+def test_percent_never_rounds_to_certainty(share: float, text: str) -> None:
+    assert percent(share) == text
+
+
+def test_rms_weighs_by_time() -> None:
+    t = np.concatenate([np.linspace(0.0, 1.0, 101), [1.001, 9.0]])
+    values = np.where(t <= 1.0, 2.0, 0.0)
+    assert rms(t, values) == pytest.approx(2.0 / 3.0, rel=1e-3)
+    assert rms(np.array([1.0]), np.array([-3.0])) == 3.0
+
+
+def title_of(figure: Figure, start: str) -> str:
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    return next(title for title in titles if title.startswith(start))
+
+
+def labels_of(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_the_held_out_trial_is_shown_and_marked() -> None:
+    figure = before_after_figure(diagnosis())
+    assert title_of(figure, "step 30") == "step 30, trial 2 of 2, held out"
+    assert labels_of(figure) == [
+        "measured",
+        "plain model",
+        "refit only",
+        "augmented model",
+        "noise floor",
+    ]
+    fitted = replace(traces(), held_out=np.zeros(4, dtype=bool))
+    figure = before_after_figure(diagnosis(traces=fitted))
+    assert title_of(figure, "step 30") == "step 30, trial 2 of 2"
+
+
+def test_before_and_after_stand_over_the_residual() -> None:
+    t = traces()
+    own = t.trial == 1
+    before = rms(t.time_s[own], t.measured_deg[own] - t.plain_deg[own])
+    titles = [axes.get_title(loc="left") for axes in before_after_figure(diagnosis()).axes]
+    assert titles.count(f"RMS {before:.2f}° → 0.10°") == 2
+
+
+def test_without_an_explanation_only_the_plain_model_is_drawn() -> None:
+    assert labels_of(before_after_figure(NO_GAP)) == ["measured", "plain model", "noise floor"]
+
+
+def test_shares_stand_in_the_order_of_their_bins() -> None:
+    figure = gap_figure(diagnosis())
+    axes = next(axes for axes in figure.axes if axes.get_title(loc="left") == "amplitude")
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["below 5°", "5-15°"]
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx([60.0, 40.0])
+    assert not [axes for axes in gap_figure(NO_GAP).axes if axes.get_title(loc="left") == "stage"]
+
+
+def test_the_gap_is_the_mean_over_trials_as_far_as_each_goes() -> None:
+    t = traces()
+    keep = ~((t.trial == 0) & (t.time_s > 5.0))
+    columns = ("trial", "time_s", "command_kpa", "measured_deg", "plain_deg")
+    cut = replace(t, pressure_kpa=None, **{name: getattr(t, name)[keep] for name in columns})
+    axes = gap_figure(diagnosis(traces=cut)).axes[0]
+    mean = axes.collections[-1].get_offsets()
+    own = t.trial == 1
+    assert np.asarray(mean[:, 0]) == pytest.approx(t.time_s[own])
+    assert np.asarray(mean[:, 1]) == pytest.approx(t.measured_deg[own] - t.plain_deg[own])
+
+
+def test_the_ladder_has_a_rung_for_everything_that_was_tried() -> None:
+    error, probability = ladder_figure(diagnosis()).axes
+    rungs = {
+        label.get_text(): bar.get_width()
+        for label, bar in zip(error.get_yticklabels(), error.patches, strict=True)
+    }
+    assert rungs == {
+        "plain model": 2.1,
+        "refit only": 1.7,
+        "creep of the material": 0.62,
+        "pneumatic lag of the line + slip of the sensor": 0.81,
+        "a cause that the library lacks": 0.0,
+        "free-form ceiling": 0.58,
+    }
+    assert [bar.get_width() for bar in probability.patches] == [0.05, 0.83, 0.1, 0.02]
+    assert "0.50°" in error.get_xlabel()
+
+
+def test_stages_draw_what_was_measured() -> None:
+    both = [axes.get_title(loc="left") for axes in stages_figure(diagnosis()).axes]
+    assert {"drive: step 30", "drive: hold 45"} <= set(both)
+    assert any(title.startswith("sensor:") for title in both)
+    alone = stages_figure(diagnosis(traces=traces(pressure=False)))
+    titles = [axes.get_title(loc="left") for axes in alone.axes]
+    assert not any(title.startswith("drive") for title in titles)
+    assert not has_stages(traces(pressure=False, calibration=False))
+
+
+def test_the_files_are_written_and_show_something(tmp_path: Path) -> None:
+    files = write_report(diagnosis(), tmp_path)
+    assert {path.name for path in files} == {path.name for path in tmp_path.iterdir()}
+    page = (tmp_path / "diagnosis.md").read_text(encoding="utf-8")
+    pictures = re.findall(r"\]\((\w+\.png)\)", page)
+    assert sorted(pictures) == ["before_after.png", "gap.png", "ladder.png", "stages.png"]
+    for name in pictures:
+        assert imread(tmp_path / name)[..., :3].std() > 0.02
+        assert (tmp_path / name).with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_figures_of_an_earlier_diagnosis_do_not_stay(tmp_path: Path) -> None:
+    (tmp_path / "stages.png").write_bytes(b"old")
+    write_report(UNEXPLAINED, tmp_path)
+    assert not (tmp_path / "stages.png").exists()
+    assert "stages.png" not in (tmp_path / "diagnosis.md").read_text(encoding="utf-8")
+
+
+def test_a_folder_that_cannot_be_made_is_bad_input(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(BadInput, match="cannot be written"):
+        write_report(NO_GAP, tmp_path / "file")
