@@ -74,7 +74,7 @@ class Profile:
         return self.time_s[-1]
 
     def sampled(self) -> tuple[Floats, Floats]:
-        """Times (s) and commands (kPa) at `RATE_HZ`, each held until the next."""
+        """Return times (s) and commands (kPa) at `RATE_HZ`, each held until the next."""
         t = np.arange(math.floor(self.duration_s * RATE_HZ + 1e-9) + 1) / RATE_HZ
         # A jump belongs to the sample that falls on it: look just after each instant.
         command = np.interp(t + 1e-6, self.time_s, self.pressure_kpa)
@@ -413,7 +413,7 @@ def read_profile(path: Path | str) -> tuple[Floats, Floats]:
     data = [(n, line) for n, line in enumerate(lines, start=1) if not line.startswith("# ")]
     if not data or data[0][1].strip() != COLUMNS:
         raise BadInput(path, f'expected a header "{COLUMNS}"')
-    rows = []
+    rows: list[tuple[float, float]] = []
     for number, line in data[1:]:
         try:
             t, command = (float(field) for field in line.split(","))

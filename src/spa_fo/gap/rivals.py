@@ -86,7 +86,9 @@ def rival(
         values = [_number(coefficients[name]) for name in PARAMETERS]
     else:
         values = [float(value) for value in coefficients]
-    return Rival(tuple(ids), TransferFunction.from_array(np.array(values)).as_array(), effects)
+    if not values[-1] > 0.0:
+        raise ValueError(f"expected a positive b0, found {values[-1]:g}")
+    return Rival(tuple(ids), TransferFunction.from_array(values).as_array(), effects)
 
 
 def _number(given: Any) -> float:
@@ -220,7 +222,7 @@ class _Reader:
         for index, cause in enumerate(causes):
             if isinstance(cause, Mapping) and cause.get("set") == ids:
                 return self._from_cause(ids, cause, f"causes[{index}]")
-        self.refuse("causes", f"none of them has the verdict's set {ids}")
+        return self.refuse("causes", f"none of them has the verdict's set {ids}")
 
     def _from_cause(self, ids: list[str], cause: Mapping[str, Any], where: str) -> Rival:
         parameters = self._section(cause, "parameters", f"{where}.parameters")
