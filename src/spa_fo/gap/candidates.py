@@ -18,7 +18,7 @@ from spa_fo.gap.drive import DriveFit, fit_drive, fit_drives
 from spa_fo.gap.evidence import Evidence, angle_chain, modelled_pressure, tolerant
 from spa_fo.gap.explain import AngleProblem, Fit, Slot, best_fit, to_z
 from spa_fo.gap.floor import noise_floor
-from spa_fo.gap.pickup import Pickup, fast_line, is_locked, slow_line
+from spa_fo.gap.pickup import Pickup, fast_line, is_absent_from_fixture, is_locked, slow_line
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -123,7 +123,7 @@ def consider(
     if "mains_pickup" not in excluded:
         slow = slow_line(fitter.problem((), level), start.searched)
         fit = fitter.fit(("mains_pickup",), level, start.searched, slow.frequency_hz)
-        if is_locked(evidence, fit):
+        if is_locked(evidence, fit) or is_absent_from_fixture(evidence, fit):
             del fitter.fits[(("mains_pickup",), level)]
     for pair in combinations(ranked[:_PAIRED], 2):
         fitter.pair(ordered(pair), level)

@@ -36,6 +36,7 @@ _FILM = np.r_[
     LIBRARY["channel_latency"].slots,
 ]
 _FIXTURE_LEVEL = 1  # steps of the fixture's simulation: 0.04 s
+_RELAX_LEVEL = 7  # and of the time the sensor lies flat: 2.6 s
 _FIXTURE_FLOOR_DEG = 0.06
 
 
@@ -47,8 +48,8 @@ class Fixture:
     ----------
     deviation_deg, sigma_deg : (rows,) arrays
         What the first curve reads in each window of a dwell, less the settled mean at that angle.
-    angle_deg : (steps,) array
-        Angle of the fixture on the simulation's steps.
+    angle_deg, level : (steps,) arrays
+        Angle of the fixture on the simulation's steps, and their lengths as levels.
     step_of : (rows, 2) array
         First and last step of each window.
     average : (rows, rows) array
@@ -66,6 +67,7 @@ class Fixture:
     deviation_deg: Floats
     sigma_deg: Floats
     angle_deg: Floats
+    level: Integers
     step_of: Integers
     average: Floats
     time_s: Floats
@@ -88,7 +90,7 @@ class Fixture:
             own[LIBRARY[name].slots] = np.nan  # of the seat: the fixture does not show them
         if np.isnan(own[_FILM]).all():
             return np.zeros(self.deviation_deg.size), Seat()
-        level = np.full(self.angle_deg.size, _FIXTURE_LEVEL, dtype=np.int64)
+        level = self.level
         film = np.zeros(4 + CREEP_TIMES_S.size)
         first_log = self.first_log
         read = np.empty(self.angle_deg.size)
@@ -256,7 +258,7 @@ def collect(data: CampaignData) -> Evidence:
         support_index=support_index,
         supports=supports,
         curve_sigma_deg=_curve_sigma(data.calibration),
-        fixture=_fixture(data.calibrations),
+        fixture=_fixture(data.calibrations, grid.trials[0].started_s),
         drift_deg=drift,
         drift_sigma_deg=sigma,
         drift_angle_deg=angles,
@@ -376,17 +378,18 @@ def _drifts(data: CampaignData) -> tuple[Floats, Floats, Floats]:
     return drift, np.hypot(sigma, 0.1), angle
 
 
-def _fixture(calibrations: Sequence[Calibration]) -> Fixture | None:
+def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | None:
     """Lay every calibration's dwells on a common time line, the curve being the first one's."""
     if not calibrations:
         return None
     curve = calibrations[0]
     step = STEPS_S[_FIXTURE_LEVEL]
     angle: list[Floats] = []
+    level: list[Integers] = []
     windows, deviation, sigma, groups, settled, times = [], [], [], [], [], []
     at = first_log = 0
     for number, calibration in enumerate(calibrations):
-        before = 0.0
+        before, start = 0.0, at
         for k, dwell in enumerate(calibration.dwells):
             gap = 2.0 if k == 0 else _pause(calibration.dwells[k - 1], dwell)
             move = max(1, round(gap / step))
@@ -411,7 +414,13 @@ def _fixture(calibrations: Sequence[Calibration]) -> Fixture | None:
                 settled.append(w >= _WINDOWS // 2)
             at += move + stay
             before = dwell.angle_deg
-        relax = round(120.0 / step)  # between two calibrations the sensor lies flat
+        # Until the trials begin the sensor lies flat; after them its past hardly matters.
+        last = calibration.dwells[-1]
+        finish = calibration.started_s + last.started_s - calibration.dwells[0].started_s
+        rest = max(starts_s - finish - float(last.t_s[-1]), 100.0) if number == 0 else 100.0
+        relax = round(rest / STEPS_S[_RELAX_LEVEL])
+        level.append(np.full(at - start, _FIXTURE_LEVEL))
+        level.append(np.full(relax, _RELAX_LEVEL))
         angle.append(np.zeros(relax))
         at += relax
         first_log = first_log or at
@@ -426,6 +435,7 @@ def _fixture(calibrations: Sequence[Calibration]) -> Fixture | None:
         deviation_deg=centred,
         sigma_deg=np.array(sigma),
         angle_deg=np.concatenate(angle),
+        level=np.concatenate(level),
         step_of=np.array(windows),
         average=average,
         time_s=np.array(times),

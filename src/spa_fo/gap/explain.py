@@ -122,6 +122,8 @@ class Fit:
         Zero of the sensor by trial.
     drift_deg : (m,) array
         What it makes of later calibrations.
+    fixture_deg : (rows,) array
+        What it leaves of the calibrations' dwells.
     waves_deg : (logs, 2) array
         Cosine and sine of an interference, by trial and then by calibration.
     trial_effects : (trials, 3) array
@@ -143,6 +145,7 @@ class Fit:
     curve_deg: Floats
     zeros_deg: Floats
     drift_deg: Floats
+    fixture_deg: Floats
     waves_deg: Floats
     trial_effects: Floats
     log_evidence: float
@@ -470,10 +473,19 @@ class AngleProblem:
             curve_deg=b[self.curve],
             zeros_deg=zeros,
             drift_deg=self._drift(b),
+            fixture_deg=self._fixture_left(z, b),
             waves_deg=b[self.waves],
             trial_effects=b[self.own],
             log_evidence=solution.log_evidence,
         )
+
+    def _fixture_left(self, z: Floats, b: Floats) -> Floats:
+        fixture = self.evidence.fixture
+        if fixture is None:
+            return np.zeros(0)
+        predicted, _ = fixture.simulate(self.effects(z))
+        waves = b[self.waves[len(self.evidence.grid.trials) :].ravel()]
+        return np.asarray(fixture.deviation_deg - predicted - self._fixture_wave(fixture) @ waves)
 
     def _drift(self, b: Floats) -> Floats:
         if not self.evidence.drift_deg.size:

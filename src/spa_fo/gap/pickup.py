@@ -18,6 +18,7 @@ _PADDED = 8192
 _SLOWEST_FAST_HZ = 3.2  # of the lines that the averaged samples do not show
 _SLOW_HZ = np.geomspace(0.02, _SLOWEST_FAST_HZ, 30)
 _LOCKED = 0.01  # probability of phases so much alike by chance
+_SHOWS = 0.3  # of the trials' amplitude
 _FEWEST = 4  # samples of a step that say something about what is fast
 
 
@@ -116,6 +117,16 @@ def is_locked(evidence: Evidence, fit: Fit) -> bool:
         return False
     statistic = sum(float(abs(np.sum(w)) ** 2 / np.sum(np.abs(w) ** 2)) for w in repeated)
     return float(gammaincc(len(repeated), statistic)) < _LOCKED
+
+
+def is_absent_from_fixture(evidence: Evidence, fit: Fit) -> bool:
+    """Whether a wave of the trials is missing in the calibrations: pick-up is on the channel."""
+    if evidence.fixture is None:
+        return False
+    trials = len(evidence.grid.trials)
+    amplitude = np.sqrt(np.sum(fit.waves_deg**2, axis=1))
+    logs = amplitude[trials:]
+    return bool(logs.size and logs.max() < _SHOWS * float(np.median(amplitude[:trials])))
 
 
 def _best_of(

@@ -18,7 +18,11 @@ from spa_fo.gap.verdict import Scored
 # on campaigns of the virtual rig with seeds below 1000.
 _OF_FLOOR = 0.17
 _OF_EXPLAINED = 0.085
-_FIXTURE_DEG, _OF_FIXTURE = 0.12, 0.28
+# The plain physics with other coefficients is no foreign form: it leaves noise alone.
+_OF_FLOOR_EXACT, _OF_EXPLAINED_EXACT = 0.07, 0.02
+# Interference that swells and fades is not a single line.
+_OF_PICKUP = 0.5
+_FIXTURE_DEG, _OF_FIXTURE = 0.12, 0.4
 _OF_PRESSURE = 0.2
 _DRIFT_DEG, _OF_DRIFT = 0.15, 0.25
 _SHARPNESS = 4.0
@@ -53,7 +57,12 @@ def stress(scored: Scored, candidates: Candidates, floor_deg: float) -> Stress:
     """Measure what an explanation leaves."""
     evidence = candidates.evidence
     explained = float(np.sqrt(sum(size**2 for size in scored.moved_deg.values())))
-    angle = scored.leftover_deg / float(np.hypot(_OF_FLOOR * floor_deg, _OF_EXPLAINED * explained))
+    of_floor, of_explained = _OF_FLOOR, _OF_EXPLAINED
+    if scored.explanation.ids == ("parameter_shift",):
+        of_floor, of_explained = _OF_FLOOR_EXACT, _OF_EXPLAINED_EXACT
+    if "mains_pickup" in scored.explanation.ids:
+        of_explained = _OF_PICKUP
+    angle = scored.leftover_deg / float(np.hypot(of_floor * floor_deg, of_explained * explained))
     fixture = 0.0
     if evidence.fixture is not None:
         seen = float(np.sqrt(np.mean(evidence.fixture.deviation_deg**2)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -24,10 +25,21 @@ _LOG_SINGLE = np.log(0.5 / len(IDS))
 _LOG_PAIR = np.log(0.2 / (len(IDS) * (len(IDS) - 1) / 2))
 _LOG_FURTHER = -5.0
 _LOG_SHIFTED = -4.0  # other coefficients are how a wrong effect makes up for the right one
+_LOG_ALIKE = -5.0
+ALIKE: tuple[frozenset[str], ...] = (
+    frozenset({"creep", "sensor_creep"}),
+    frozenset({"hysteresis", "sensor_hysteresis"}),
+    frozenset({"sensor_lag", "channel_latency"}),
+    frozenset({"dead_time", "line_lag"}),
+    frozenset({"stiffening", "gravity_load", "contact_stop", "sensor_nonlinearity"}),
+    frozenset({"sensor_nonlinearity", "sensor_saturation"}),
+    frozenset({"contact_stop", "sensor_saturation"}),
+)
+"""Effects that look alike: two of them together are mostly one whose form is not quite right."""
 _SHORTLIST = 60.0  # nats behind the best that may still matter after tempering
-COVERED = 0.95
+COVERED = 0.93
 """Probability that the verdict's sets hold together, of what is named at all."""
-_LEAST = 0.04  # probability below which a set is not listed
+_LEAST = 0.06  # probability below which a set is not listed
 
 
 @dataclass(frozen=True)
@@ -102,7 +114,8 @@ def log_prior(ids: Ids) -> float:
     if len(ids) == 1:
         return float(_LOG_SINGLE)
     shifted = _LOG_SHIFTED if "parameter_shift" in ids else 0.0
-    return float(_LOG_PAIR + _LOG_FURTHER * (len(ids) - 2) + shifted)
+    alike = sum(set(pair) <= group for pair in combinations(ids, 2) for group in ALIKE)
+    return float(_LOG_PAIR + _LOG_FURTHER * (len(ids) - 2) + shifted + _LOG_ALIKE * alike)
 
 
 def weigh(candidates: Candidates, floor_deg: float) -> list[Scored]:
@@ -179,8 +192,7 @@ def _fixture_leftover(evidence: Evidence, explanation: Explanation) -> float:
     fixture = evidence.fixture
     if fixture is None:
         return 0.0
-    predicted, _ = fixture.simulate(explanation.effects())
-    missed = fixture.deviation_deg - predicted
+    missed = explanation.fit.fixture_deg
     return float(np.sqrt(max(float(np.mean(missed**2 - fixture.sigma_deg**2)), 0.0)))
 
 
