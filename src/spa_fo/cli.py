@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -44,6 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_parse(commands)
     _add_fit(commands)
     _add_predict(commands)
+    _add_plan(commands)
     return parser
 
 
@@ -198,6 +200,59 @@ def _predict(options: argparse.Namespace) -> None:
     table = predict_campaign(model, data, options.model)
     write_text(options.out, table.to_csv(index=False, lineterminator="\n"))
     print(f"{options.out}: {len(table)} samples of {len(data.trials)} trials", file=sys.stderr)
+
+
+def _add_plan(commands: Commands) -> None:
+    parser = _command(
+        commands,
+        "plan",
+        "find the pressure profile that best tells apart what a diagnosis left open, and write it",
+        "spa-fo plan raw/arm --diagnosis diagnosis/diagnosis.json --out next.csv\n\n"
+        "FILE.csv holds the command, t_s,cmd_kpa, each row held until the next. The profile is\n"
+        "meant for the same actuator, in a campaign that continues this one. It goes no higher\n"
+        "and no faster than the campaign did, unless told otherwise.",
+    )
+    _add_campaign(parser)
+    parser.add_argument("--diagnosis", metavar="DIAGNOSIS.json", type=Path, required=True)
+    parser.add_argument("--out", metavar="FILE.csv", type=Path, required=True)
+    parser.add_argument(
+        "--max-duration",
+        metavar="S",
+        type=_positive,
+        help="longest profile (default: 120, or as long as the campaign's longest trial)",
+    )
+    parser.add_argument(
+        "--max-pressure",
+        metavar="KPA",
+        type=_positive,
+        help="largest command (default: the campaign's)",
+    )
+    parser.set_defaults(run=_plan)
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"expected a positive number, found {text!r}")
+    return value
+
+
+def _plan(options: argparse.Namespace) -> None:
+    from spa_fo.gap.plan import plan_campaign, report
+    from spa_fo.gap.profiles import write_profile
+    from spa_fo.gap.rivals import read_standing
+    from spa_fo.rig import read_campaign, read_trials
+
+    campaign = read_campaign(options.campaign)
+    standing = read_standing(options.diagnosis, campaign.name)
+    advice = plan_campaign(
+        read_trials(campaign), standing, options.max_duration, options.max_pressure
+    )
+    write_profile(options.out, advice.profile, advice.purpose)
+    print(report(advice))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ minimum, as an RMS in noise floors, is the separation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,24 +133,14 @@ class Foresight:
 
     def now(self, pairs: Pairs) -> list[Separation]:
         """Say how well the campaign's own protocol separates each pair of explanations."""
-        return [
-            Separation(
-                *(
-                    min(
-                        self.past[k].rms(self._refit_past(k, other, tapped).cost)
-                        for k, other in ((i, j), (j, i))
-                    )
-                    for tapped in (self.bench.tapped, True)
-                )
-            )
-            for i, j in pairs
-        ]
+
+        def missed(k: int, truth: int, tapped: bool) -> float:
+            return self.past[k].rms(self._refit_past(k, truth, tapped).cost)
+
+        return [self._separation(missed, pair) for pair in pairs]
 
     def after(self, profile: Profile, pairs: Pairs) -> list[Separation]:
-        """Say how well a profile that follows the campaign would separate each pair.
-
-        The smaller of both directions counts: either explanation may be the true one.
-        """
+        """Say how well a profile that follows the campaign would separate each pair."""
         grid = _grid_after(self.bench.grid, profile)
         views = [
             _View(form, self.bench, grid, past.ends)
@@ -166,15 +156,29 @@ class Foresight:
             least = min(before.cost, _at(self.forms[k], [past], found.theta).cost)
             return views[k].rms(found.cost - least)
 
-        return [
-            Separation(
-                *(
-                    min(added(i, j, tapped), added(j, i, tapped))
-                    for tapped in (self.bench.tapped, True)
-                )
+        return [self._separation(added, pair) for pair in pairs]
+
+    def _separation(
+        self, missed: Callable[[int, int, bool], float], pair: tuple[int, int]
+    ) -> Separation:
+        """Take the smaller of both directions, as either explanation may be the true one.
+
+        One that holds all effects of the other can always do without those it has on top: only
+        the smaller one can then be found wanting.
+        """
+        i, j = pair
+        directions = [(i, j), (j, i)]
+        one, other = set(self.forms[i].ids), set(self.forms[j].ids)
+        if one < other:
+            directions = [(i, j)]
+        elif other < one:
+            directions = [(j, i)]
+        return Separation(
+            *(
+                min(missed(k, truth, tapped) for k, truth in directions)
+                for tapped in (self.bench.tapped, True)
             )
-            for i, j in pairs
-        ]
+        )
 
     def refitted(self, k: int, truth: int) -> Rival:
         """Give explanation `k` identified again on the campaign that explanation `truth` makes."""
@@ -300,7 +304,7 @@ class _View:
         idle = np.zeros((self.pressed.size, form.precision.size - form.z.size))
         self.tap = _Rows(
             np.column_stack([*tapped, idle]),
-            STEPS_S[grid.level[self.pressed]] / (_PIECE_S * bench.floor_kpa**2),
+            np.asarray(STEPS_S[grid.level[self.pressed]] / (_PIECE_S * bench.floor_kpa**2)),
         )
 
     def predict(
@@ -321,7 +325,7 @@ class _View:
             late[rows] = -np.gradient(y[rows], grid.time_s[rows])
         return _Rows(
             np.column_stack([slopes, late, curve_columns(y)]),
-            self.seconds / (_PIECE_S * floor_deg**2),
+            np.asarray(self.seconds / (_PIECE_S * floor_deg**2)),
             np.column_stack([y, np.ones(y.size), pace]) * SCALES[[GAIN, OFFSET, PACE]],
             trials,
         )
@@ -353,7 +357,7 @@ class _Rows:
         own: Floats | None = None,
         trials: Sequence[NDArray[np.int64]] = (),
     ) -> None:
-        self.shared, self.weight, self.own, self.trials = shared, weight, own, trials
+        self.weight, self.own, self.trials = weight, own, trials
         self.pull = self.weighted(shared)
         self.normal = shared.T @ self.pull
 
