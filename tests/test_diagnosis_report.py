@@ -179,6 +179,11 @@ def test_a_cause_is_named_with_its_stage_probability_and_shrink() -> None:
     assert "p < 0.001" in text
 
 
+def test_a_gap_below_the_scatter_is_said_to_repeat() -> None:
+    text = verdict(diagnosis(gap=Gap(0.86, 1.63, True, 0.03)))
+    assert "by 0.86° in the same way every time, though repeated trials differ by 1.63°" in text
+
+
 def test_no_gap_blames_nothing() -> None:
     text = document(NO_GAP)
     assert "no gap" in sections(text)["The verdict"]
@@ -186,7 +191,7 @@ def test_no_gap_blames_nothing() -> None:
     assert "creep of the material" not in sections(text)["The verdict"]
     assert "Use the model as it is." in sections(text)["What to do next"]
     assert "a long hold and measured pressure." in sections(text)["What to do next"]
-    assert "How far it shrinks" not in sections(text)
+    assert sections(text)["How far it shrinks"] == "There is no gap to close."
 
 
 def test_an_ambiguous_verdict_names_every_set_and_what_would_decide() -> None:
@@ -381,6 +386,16 @@ def test_the_ladder_has_a_rung_for_everything_that_was_tried() -> None:
     }
     assert [bar.get_width() for bar in probability.patches] == [0.05, 0.83, 0.1, 0.02]
     assert "0.50°" in error.get_xlabel()
+
+
+def test_the_ladder_never_mixes_trials() -> None:
+    error, _ = ladder_figure(NO_GAP).axes
+    assert "held-out trials" in error.get_xlabel()
+    assert [bar.get_width() for bar in error.patches] == [2.1, 0.62, 0.0]
+    bare = replace(NO_GAP, causes=(Cause(("none",), 0.9, {}, {}), CREEP, UNKNOWN))
+    error, _ = ladder_figure(bare).axes
+    assert "all trials" in error.get_xlabel()
+    assert [bar.get_width() for bar in error.patches] == [0.52, 0.0, 0.0]
 
 
 def test_stages_draw_what_was_measured() -> None:

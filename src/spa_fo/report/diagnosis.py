@@ -15,6 +15,7 @@ from spa_fo.report.diagnosis_figures import (
     ladder_figure,
     named,
     percent,
+    plain_held_out,
     probability_of,
     stages_figure,
 )
@@ -133,8 +134,11 @@ def verdict(diagnosis: Diagnosis) -> str:
             f"account for: they differ by {gap.noise_floor_deg:.2f}° among themselves "
             f"({_p_value(gap.p_value)}). There is **no gap** to explain: the model stands as it is."
         )
+    against = (
+        "where" if gap.rmse_deg > gap.noise_floor_deg else "in the same way every time, though"
+    )
     size = (
-        f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}° where repeated trials "
+        f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}° {against} repeated trials "
         f"differ by {gap.noise_floor_deg:.2f}° among themselves "
         f"({_p_value(gap.p_value)}){_mostly(diagnosis)}."
     )
@@ -280,9 +284,7 @@ def _cause_table(diagnosis: Diagnosis) -> str:
     rest = 1.0 - none - unknown - sum(cause.probability for cause in shown)
     if rest > 5e-4:
         rows.append(("others together", percent(rest), "", ""))
-    shrink = diagnosis.shrink
-    before = "" if shrink is None else f"{shrink.before_rmse_deg:.2f}"
-    rows.append((phrase(("none",)), percent(none), "", before))
+    rows.append((phrase(("none",)), percent(none), "", _degrees(plain_held_out(diagnosis))))
     rows.append((phrase(("unknown",)), percent(unknown), "", ""))
     return _table(
         ("explanation", "probability", "parameters (95 % interval)", "held-out RMSE (°)"),
@@ -294,8 +296,11 @@ def _cause_table(diagnosis: Diagnosis) -> str:
 def _cause_row(cause: Cause, stands: bool) -> tuple[str, ...]:
     name = phrase(cause.set, " + ")
     name = f"**{name}**" if stands else name
-    held_out = "" if cause.held_out_rmse_deg is None else f"{cause.held_out_rmse_deg:.2f}"
-    return name, percent(cause.probability), _parameters(cause), held_out
+    return name, percent(cause.probability), _parameters(cause), _degrees(cause.held_out_rmse_deg)
+
+
+def _degrees(error: float | None) -> str:
+    return "" if error is None else f"{error:.2f}"
 
 
 def _parameters(cause: Cause) -> str:
@@ -325,7 +330,9 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]], alignment: str) -
 def _shrink(diagnosis: Diagnosis) -> Iterator[str]:
     shrink = diagnosis.shrink
     if shrink is None:
-        if diagnosis.kind != "no_gap":
+        if diagnosis.kind == "no_gap":
+            yield "There is no gap to close."
+        else:
             yield "Nothing is explained, so there is nothing to hold against unseen trials."
         return
     low, high = shrink.ci95

@@ -335,7 +335,7 @@ def ladder_figure(diagnosis: Diagnosis) -> Figure:
     Parameters
     ----------
     diagnosis : Diagnosis
-        Of any kind; without held-out errors, the plain model's on all trials stands alone.
+        Of any kind; without the plain model's held-out error its error on all trials stands alone.
 
     Returns
     -------
@@ -357,7 +357,7 @@ def ladder_figure(diagnosis: Diagnosis) -> Figure:
     )
     error.axvline(floor, color=BLACK, linestyle="--", linewidth=0.8)
     error.set_xlim(0.0, 1.15 * max([*errors, floor]))
-    on = "all trials" if diagnosis.shrink is None else "held-out trials"
+    on = "all trials" if plain_held_out(diagnosis) is None else "held-out trials"
     error.set_xlabel(f"RMSE on {on} (°); dashed: noise floor, {floor:.2f}°")
     for place, rung in zip(places, rungs, strict=True):
         text = "–" if rung.rmse_deg is None else f"{rung.rmse_deg:.2f}"
@@ -400,17 +400,27 @@ def probability_of(causes: Sequence[Cause], name: str) -> float:
     return sum(cause.probability for cause in causes if cause.set == (name,))
 
 
+def plain_held_out(diagnosis: Diagnosis) -> float | None:
+    """RMSE of the plain model on the held-out trials, deg; None where it was not computed."""
+    if diagnosis.shrink is not None:
+        return diagnosis.shrink.before_rmse_deg
+    none = [cause for cause in diagnosis.causes if cause.set == ("none",)]
+    return none[0].held_out_rmse_deg if none else None
+
+
 def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
     shrink, causes = diagnosis.shrink, diagnosis.causes
-    before = diagnosis.gap.rmse_deg if shrink is None else shrink.before_rmse_deg
+    before = plain_held_out(diagnosis)
+    held_out = before is not None
+    if not held_out:
+        before = diagnosis.gap.rmse_deg
     rungs = [_Rung("plain model", before, probability_of(causes, "none"), BLUE)]
     if shrink is not None:
         rungs.append(_Rung("refit only", shrink.refit_only_rmse_deg, None, GREEN))
     for cause in named(causes, _MOST_CAUSES):
         colour = VERMILION if cause.set in diagnosis.sets else ORANGE
-        rungs.append(
-            _Rung(phrase(cause.set, " + "), cause.held_out_rmse_deg, cause.probability, colour)
-        )
+        error = cause.held_out_rmse_deg if held_out else None
+        rungs.append(_Rung(phrase(cause.set, " + "), error, cause.probability, colour))
     rungs.append(_Rung(phrase(("unknown",)), None, probability_of(causes, "unknown"), GREY))
     if shrink is not None and shrink.ceiling_rmse_deg is not None:
         rungs.append(_Rung("free-form ceiling", shrink.ceiling_rmse_deg, None, PURPLE))
