@@ -391,6 +391,7 @@ def _findings(stress: Stress, unknown: float, own: bool, verdict: Verdict) -> tu
         "fixture": "the calibration's dwells show",
         "pressure": "the measured pressure shows",
         "drift": "the later calibration shows",
+        "trials": "the trials' own gain or rest angle shows, going with their order",
     }
     if unknown > 0.5:
         found.append(

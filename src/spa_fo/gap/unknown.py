@@ -10,9 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spa_fo.gap.candidates import Candidates
 from spa_fo.gap.verdict import Scored
+
+Floats = NDArray[np.float64]
 
 # A right explanation leaves about these parts of the noise floor and of what it explains. Found
 # on campaigns of the virtual rig with seeds below 1000.
@@ -25,6 +28,8 @@ _OF_PICKUP = 0.5
 _FIXTURE_DEG, _OF_FIXTURE = 0.12, 0.4
 _OF_PRESSURE = 0.2
 _DRIFT_DEG, _OF_DRIFT = 0.15, 0.25
+# A trend counts where it moves the angle by this part of the floor, and is this many times its error.
+_SWING, _CERTAIN, _FEWEST_TRIALS = 0.2, 4.5, 8
 _SHARPNESS = 4.0
 _MADE_UP_BY_SHIFT = 0.6
 """Weight of explanations that need other coefficients beside an effect, as a sign of neither."""
@@ -36,14 +41,15 @@ class Stress:
 
     Attributes
     ----------
-    angle, fixture, pressure, drift : float
-        By kind of evidence.
+    angle, fixture, pressure, drift, trials : float
+        By kind of evidence; `trials` is how their own gain or rest angle goes with their order.
     """
 
     angle: float
     fixture: float
     pressure: float
     drift: float
+    trials: float
 
     @property
     def largest(self) -> tuple[str, float]:
@@ -75,7 +81,9 @@ def stress(scored: Scored, candidates: Candidates, floor_deg: float) -> Stress:
         seen = per_kpa * float(np.sqrt(np.mean(plain**2)))
         left = per_kpa * scored.pressure_kpa
         pressure = left / float(np.hypot(_OF_FLOOR * floor_deg, _OF_PRESSURE * seen))
-    return Stress(angle, fixture, pressure, _drift(scored, candidates))
+    return Stress(
+        angle, fixture, pressure, _drift(scored, candidates), _trend(scored, candidates, floor_deg)
+    )
 
 
 def unknown_probability(
@@ -120,3 +128,34 @@ def _drift(scored: Scored, candidates: Candidates) -> float:
     left = float(np.sqrt(max(float(np.mean(missed**2 - evidence.drift_sigma_deg**2)), 0.0)))
     seen = float(np.sqrt(np.mean(evidence.drift_deg**2)))
     return left / float(np.hypot(_DRIFT_DEG, _OF_DRIFT * seen))
+
+
+def _trend(scored: Scored, candidates: Candidates, floor_deg: float) -> float:
+    """How surely the trials' own gain or rest angle goes up or down with their order."""
+    evidence = candidates.evidence
+    used = evidence.takes_part
+    orders = evidence.grid.orders[used].astype(np.float64)
+    if orders.size < _FEWEST_TRIALS:
+        return 0.0
+    size = float(np.sqrt(np.mean(evidence.grid.angle_deg**2)))
+    loudest = 0.0
+    # Gain and rest angle, as degrees; a sensor that slips explains its zeros itself.
+    columns = {0: size, 1: 1.0}
+    if "sensor_slip" in scored.explanation.ids:
+        del columns[1]
+    for column, per_unit in columns.items():
+        own = scored.explanation.fit.trial_effects[used, column] * per_unit
+        slope, error = _slope(orders, own)
+        swing = abs(slope) * float(np.std(orders))
+        if swing > _SWING * floor_deg:
+            loudest = max(loudest, abs(slope) / error / _CERTAIN)
+    return loudest
+
+
+def _slope(x: Floats, y: Floats) -> tuple[float, float]:
+    """Slope of a line and its standard error."""
+    centred = x - x.mean()
+    square = float(centred @ centred)
+    slope = float(centred @ y) / square
+    left = y - y.mean() - slope * centred
+    return slope, float(np.sqrt(left @ left / max(x.size - 2, 1) / square)) + 1e-12

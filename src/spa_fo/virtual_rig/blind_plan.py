@@ -39,6 +39,8 @@ class BenchmarkPlan:
         Decides everything; another seed gives other cases.
     forms : tuple of str
         Functional forms the effects take, each as often as the other.
+    every_form : bool
+        Whether each effect and size is tried in every form; else the forms take turns.
     closed, withheld : Counts
         Cases of each effect of the library in each form and size, held by the library or withheld.
     alien : Counts
@@ -51,6 +53,7 @@ class BenchmarkPlan:
 
     seed: int = 1
     forms: tuple[str, ...] = ("a", "b")
+    every_form: bool = True
     closed: Counts = field(default_factory=Counts)
     no_effect: Counts = field(default_factory=Counts)
     withheld: Counts = field(default_factory=Counts)
@@ -96,6 +99,10 @@ def benchmark_plan(document: Mapping[str, Any]) -> BenchmarkPlan:
             values[key] = tuple(value)
             if not values[key] or not set(values[key]) <= set(FORMS):
                 raise ValueError(f"forms: expected some of {', '.join(FORMS)}")
+        elif key == "every_form":
+            if not isinstance(value, bool):
+                raise ValueError("every_form: expected true or false")
+            values[key] = value
         elif key == "own_fit":
             if not isinstance(value, int | float) or not 0 <= value <= 1:
                 raise ValueError("own_fit: expected a number from 0 to 1")
@@ -165,8 +172,8 @@ def _unnamed(plan: BenchmarkPlan, rng: np.random.Generator) -> Iterator[Case]:
             yield replace(blank, protocol=protocol)
         for kind, counts in (("closed", plan.closed), ("withheld", plan.withheld)):
             of_each = range(getattr(counts, protocol))
-            for form, size, _ in product(plan.forms, counts.sizes, of_each):
-                for effect in FORMS[form]:
+            for turn, (size, _) in enumerate(product(counts.sizes, of_each)):
+                for effect, form in _effects(plan, turn):
                     exclude = (effect,) if kind == "withheld" else ()
                     yield Case("", 0, kind, (effect,), form, (size,), protocol, exclude=exclude)
         for size, _ in product(plan.alien.sizes, range(getattr(plan.alien, protocol))):
@@ -179,6 +186,16 @@ def _unnamed(plan: BenchmarkPlan, rng: np.random.Generator) -> Iterator[Case]:
             low, high = np.log(_PAIR_SIZES)
             first, second = np.exp(rng.uniform(low, high, 2)).tolist()
             yield Case("", 0, "pair", effects, form, (first, second), protocol)
+
+
+def _effects(plan: BenchmarkPlan, turn: int) -> Iterator[tuple[str, str]]:
+    """List every effect with the forms it takes this time."""
+    for number, effect in enumerate(FORMS[plan.forms[0]]):
+        if plan.every_form:
+            for form in plan.forms:
+                yield effect, form
+        else:
+            yield effect, plan.forms[(number + turn) % len(plan.forms)]
 
 
 def _draw_pair(form: str, rng: np.random.Generator) -> tuple[str, str]:
