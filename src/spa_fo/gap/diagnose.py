@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,8 +34,10 @@ from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.rig import CampaignData, read_campaign, read_trials
+from spa_fo.validation import suggestion
 
 Floats = NDArray[np.float64]
+Progress = Callable[[str], None]
 
 COMMONEST = "hysteresis"
 """What one hears most often about soft actuators: a baseline that always answers so."""
@@ -45,14 +47,35 @@ _WORTH_TESTING = 0.01  # probability from which an explanation's predictions are
 _RUNGS = 6  # explanations whose held-out error is computed
 
 
+def _silent(step: str) -> None:
+    """Keep to oneself what is being done."""
+
+
 def diagnose_campaign(
     folder: Path | str,
     model_path: Path | str,
     out: Path | str,
     exclude: Sequence[str] = (),
     seed: int = 1,
+    progress: Progress = _silent,
 ) -> Diagnosis:
     """Diagnose a campaign folder; write diagnosis.json and augmented_model.json to `out`.
+
+    For the parameters, and what is raised, see `diagnose_files` and `write_files`.
+    """
+    diagnosis = diagnose_files(folder, model_path, exclude, seed, progress)
+    write_files(diagnosis, out)
+    return diagnosis
+
+
+def diagnose_files(
+    folder: Path | str,
+    model_path: Path | str,
+    exclude: Sequence[str] = (),
+    seed: int = 1,
+    progress: Progress = _silent,
+) -> Diagnosis:
+    """Diagnose a campaign folder; write nothing.
 
     Parameters
     ----------
@@ -60,12 +83,12 @@ def diagnose_campaign(
         The campaign.
     model_path : Path or str
         The plain model.
-    out : Path or str
-        Folder that the two files are written to; made where it is missing.
     exclude : sequence of str
         Effects that the library is to lack.
     seed : int
         Of all that is random.
+    progress : callable
+        Told of each step in words.
 
     Raises
     ------
@@ -74,20 +97,35 @@ def diagnose_campaign(
     """
     plain = read_model(model_path)
     if plain.effects:
-        raise BadInput(model_path, "expected an empty list: a plain model", "effects")
+        raise BadInput(model_path, "holds effects; expected a plain model", "effects")
     for name in exclude:
         if name not in LIBRARY:
-            raise BadInput("--exclude-effect", f"is '{name}'; expected one of {', '.join(IDS)}")
+            raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, IDS)}")
+    progress("reading the campaign")
     data = read_trials(read_campaign(folder))
-    diagnosis = diagnose(data, plain, excluded=exclude, seed=seed)
+    return diagnose(data, plain, excluded=exclude, seed=seed, progress=progress)
+
+
+def write_files(diagnosis: Diagnosis, out: Path | str) -> None:
+    """Write augmented_model.json and diagnosis.json to the folder `out`, made where missing.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be written.
+    """
     out = Path(out)
     write_model(out / "augmented_model.json", diagnosis.model)
     write_diagnosis(out / "diagnosis.json", diagnosis)
-    return diagnosis
 
 
 def diagnose(
-    data: CampaignData, plain: Model, *, excluded: Sequence[str] = (), seed: int = 1
+    data: CampaignData,
+    plain: Model,
+    *,
+    excluded: Sequence[str] = (),
+    seed: int = 1,
+    progress: Progress = _silent,
 ) -> Diagnosis:
     """Diagnose a campaign.
 
@@ -101,6 +139,8 @@ def diagnose(
         Effects that the library is to lack.
     seed : int
         Of the trials that are held out and of the bootstrap.
+    progress : callable
+        Told of each step in words.
     """
     rng = np.random.default_rng(seed)
     if plain.signal == "pressure":
@@ -114,11 +154,18 @@ def diagnose(
     own = _is_own(data, plain, seed)
     floor = noise_floor(everything)
 
+    measured = "pressure and angle" if evidence.has_pressure else "angle"
+    progress(f"fitting explanations of the {measured} to {evidence.takes_part.sum()} trials")
     candidates = consider(evidence, given, own, excluded)
+    progress(
+        f"weighing {len(candidates.angles)} fits of the angle, {len(candidates.drives)} of the "
+        "pressure"
+    )
     scored = _tested(weigh(candidates, floor), everything, held, given)
     unknown, stress = unknown_probability(scored, candidates, floor)
     verdict = _verdict(scored, unknown)
 
+    progress(f"predicting the held-out trials ({held.text})")
     curves = _curves(candidates, everything, verdict)
     shrunk = None
     if verdict.kind != "no_gap" and verdict.best.explanation.ids:
@@ -129,6 +176,8 @@ def diagnose(
         shrunk = None
 
     explained = bool(verdict.sets)
+    if explained:
+        progress("fitting the explanation once more, to all trials")
     final = _refit(candidates, everything, verdict.best.explanation) if explained else None
     if not explained:
         curves["explained"] = curves["plain"]
@@ -450,4 +499,12 @@ def _traces(
     )
 
 
-__all__ = ["Shrink", "diagnose", "diagnose_campaign", "leftover", "seat_of"]
+__all__ = [
+    "Shrink",
+    "diagnose",
+    "diagnose_campaign",
+    "diagnose_files",
+    "leftover",
+    "seat_of",
+    "write_files",
+]
