@@ -1,4 +1,4 @@
-"""The command line: ``spa-fo fit``, ``spa-fo predict``, ``spa-fo parse``.
+"""The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``plan``.
 
 Every command leaves with 0 when done and with 2 on bad input, after one clear line on stderr.
 """
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from spa_fo import __version__
 from spa_fo.atomic import write_text
-from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error
+from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error, keep_blas_to_one_thread
 from spa_fo.errors import BadInput
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal of another encoding shows a question mark for χ; it is no reason to fail.
         sys.stdout.reconfigure(errors="replace")
+    keep_blas_to_one_thread()
     with bad_input_exits(), closed_pipe_is_no_error():
         options.run(options)
     return 0
@@ -45,6 +46,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_parse(commands)
     _add_fit(commands)
     _add_predict(commands)
+    _add_diagnose(commands)
     _add_plan(commands)
     return parser
 
@@ -102,7 +104,7 @@ def _add_fit(commands: Commands) -> None:
     )
     _add_campaign(parser)
     parser.add_argument("--out", metavar="MODEL.json", type=Path, required=True)
-    parser.add_argument("--seed", type=_seed, default=1, help="of the swarm (default: 1)")
+    _add_seed(parser, "of the swarm")
     parser.add_argument(
         "--whole-logs",
         action="store_true",
@@ -122,6 +124,12 @@ def _add_fit(commands: Commands) -> None:
         help="search a parameter (alpha2, alpha1, a1, a0, b0) within these bounds; may be repeated",
     )
     parser.set_defaults(run=_fit)
+
+
+def _add_seed(parser: argparse.ArgumentParser, purpose: str) -> None:
+    parser.add_argument(
+        "--seed", metavar="N", type=_seed, default=1, help=f"{purpose} (default: 1)"
+    )
 
 
 def _seed(text: str) -> int:
@@ -200,6 +208,49 @@ def _predict(options: argparse.Namespace) -> None:
     table = predict_campaign(model, data, options.model)
     write_text(options.out, table.to_csv(index=False, lineterminator="\n"))
     print(f"{options.out}: {len(table)} samples of {len(data.trials)} trials", file=sys.stderr)
+
+
+def _add_diagnose(commands: Commands) -> None:
+    parser = _command(
+        commands,
+        "diagnose",
+        "say whether, where and why model and actuator disagree, and how far that can be repaired",
+        "spa-fo diagnose raw/dragon_skin_20 --model model.json --out diagnosis\n\n"
+        "Start with DIR/diagnosis.md. DIR/augmented_model.json is the model with the explanation\n"
+        "in it; `predict` takes it. An answer of `unknown` is a result: the command leaves with 0.",
+    )
+    _add_campaign(parser)
+    parser.add_argument(
+        "--model", metavar="MODEL.json", type=Path, required=True, help="plain, without effects"
+    )
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True)
+    parser.add_argument(
+        "--exclude-effect",
+        metavar="ID",
+        action="append",
+        default=[],
+        help="take an effect out of the library; may be repeated",
+    )
+    _add_seed(parser, "of the held-out trials and the bootstrap")
+    parser.set_defaults(run=_diagnose)
+
+
+def _diagnose(options: argparse.Namespace) -> None:
+    from spa_fo.gap import diagnose_files, write_files
+    from spa_fo.report.diagnosis import write_report
+    from spa_fo.report.headline import headline
+
+    diagnosis = diagnose_files(
+        options.campaign, options.model, options.exclude_effect, options.seed, _tell
+    )
+    _tell("drawing")
+    *_, page = write_report(diagnosis, options.out)
+    write_files(diagnosis, options.out)
+    print(*headline(diagnosis.to_dict()), page, sep="\n")
+
+
+def _tell(step: str) -> None:
+    print(step, file=sys.stderr, flush=True)
 
 
 def _add_plan(commands: Commands) -> None:

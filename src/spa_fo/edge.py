@@ -60,6 +60,17 @@ def workflow_step(log: Path | str, threads: int) -> Iterator[None]:
             raise
 
 
+def keep_blas_to_one_thread() -> None:
+    """Tell the linear algebra to use one thread; only where NumPy is not imported yet.
+
+    Sums split among threads round otherwise: the same seed would not always give the same bytes.
+    The matrices here are too small to gain by more.
+    """
+    for library in ("OPENBLAS", "MKL", "BLIS"):
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    os.environ["VECLIB_MAXIMUM_THREADS"] = "1"
+
+
 def _limit_threads(threads: int) -> None:
     import numba
 
