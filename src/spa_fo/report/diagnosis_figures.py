@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, FigureBase
+from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Traces
@@ -35,6 +36,7 @@ _MOST_PANELS = 9
 _MOST_CAUSES = 8
 _FEW = 3  # causes that are shown however improbable
 _MOST_STAGE_PANELS = 3
+_LINEAR_KPA = 5.0
 _LOOKS: dict[str, dict[str, Any]] = {
     "plain": {"color": BLUE, "linestyle": "--", "linewidth": 1.1},
     "refit": {"color": GREEN, "linestyle": ":", "linewidth": 1.3},
@@ -474,6 +476,9 @@ def stages_figure(diagnosis: Diagnosis) -> Figure:
     if drive:
         axes_of[f"pressure {names[0]}"].set_ylabel("pressure (kPa)")
         axes_of[f"lost {names[0]}"].set_ylabel("pressure −\ncommand (kPa)")
+        axes_of[f"lost {names[0]}"].set_title(
+            f"logarithmic beyond ±{_LINEAR_KPA:g} kPa", loc="left", fontsize=6
+        )
         handles, labels = axes_of[f"pressure {names[0]}"].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     if traces.fixture_deg.size:
@@ -511,6 +516,13 @@ def _draw_pressure(above: Axes, below: Axes, traces: Traces, e: _Experiment) -> 
         below.plot(time, traces.drive_kpa[own] - command, **look)
     above.set_title(f"drive: {e.title}", loc="left")
     above.tick_params(labelbottom=False)
+    # Edges of the command are missed by tens of kPa for an instant; a droop is a few.
+    below.set_yscale("symlog", linthresh=_LINEAR_KPA)
+    below.set_yticks([-50, -_LINEAR_KPA, 0, _LINEAR_KPA, 50])
+    below.yaxis.set_major_formatter(ScalarFormatter())
+    below.yaxis.set_minor_locator(NullLocator())
+    reach = 2.0 * max(float(np.abs(measured - command).max()), _LINEAR_KPA)
+    below.set_ylim(-reach, reach)
     below.set_xlabel("time (s)")
 
 
