@@ -244,6 +244,13 @@ def test_parameters_have_intervals_and_units() -> None:
     assert table["creep of the material"][2] == "0.62"
 
 
+def test_large_and_negative_numbers_are_written_out() -> None:
+    values = {"rise_kpa_s": {"value": 1389.6, "ci95": [-461.2, 4190.0]}}
+    cause = Cause(("slew_limit",), 0.83, {"slew_limit": values}, {})
+    table = rows(sections(document(diagnosis(causes=(cause, NONE, UNKNOWN))))["Which cause"])
+    assert table["slew limit of the drive"][1] == "rise 1390 (−461 to 4190) kPa/s"
+
+
 def test_the_shrink_stands_beside_refit_ceiling_and_floor() -> None:
     table = rows(sections(document(diagnosis()))["How far it shrinks"])
     found = {name: cells[0] for name, cells in table.items()}

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from spa_fo.atomic import write_text
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Shrink
 from spa_fo.report.diagnosis_figures import (
@@ -315,11 +317,17 @@ def _parameters(cause: Cause) -> str:
 def _parameter(effect: str, name: str, entry: Mapping[str, Any]) -> str:
     words, unit = parameter_words(effect, name)
     gap = "" if unit.startswith("°") else " "
-    text = f"{words} {entry['value']:.3g}"
+    text = f"{words} {_number(entry['value'])}"
     if entry.get("ci95") is not None:
         low, high = entry["ci95"]
-        text += f" ({low:.3g} to {high:.3g})"
+        text += f" ({_number(low)} to {_number(high)})"
     return f"{text}{gap}{unit}".rstrip()
+
+
+def _number(value: float) -> str:
+    """Write three digits that count, without exponents."""
+    text = np.format_float_positional(value, precision=3, fractional=False, trim="-")
+    return text.replace("-", "−")
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], alignment: str) -> str:
