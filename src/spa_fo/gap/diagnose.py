@@ -146,6 +146,9 @@ def diagnose(
     rng = np.random.default_rng(seed)
     if plain.signal == "pressure":
         data = _driven_by_pressure(data)
+    # The model's u, whatever the campaign's own would be.
+    campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
+    data = replace(data, campaign=campaign)
     everything = collect(data)
     if everything.grid.command_kpa is None:
         excluded = (*excluded, *(n for n in IDS if LIBRARY[n].stage == "drive"))
