@@ -173,12 +173,10 @@ class Foresight:
             directions = [(i, j)]
         elif other < one:
             directions = [(j, i)]
-        return Separation(
-            *(
-                min(missed(k, truth, tapped) for k, truth in directions)
-                for tapped in (self.bench.tapped, True)
-            )
-        )
+        seen = min(missed(k, truth, self.bench.tapped) for k, truth in directions)
+        if self.bench.tapped:
+            return Separation(seen, seen)
+        return Separation(seen, min(missed(k, truth, True) for k, truth in directions))
 
     def refitted(self, k: int, truth: int) -> Rival:
         """Give explanation `k` identified again on the campaign that explanation `truth` makes."""
@@ -357,19 +355,21 @@ class _Rows:
         own: Floats | None = None,
         trials: Sequence[NDArray[np.int64]] = (),
     ) -> None:
-        self.weight, self.own, self.trials = weight, own, trials
+        self.weight, self.trials = weight, trials
+        self.heavy = [(own[rows].T * weight[rows]).T for rows in trials] if own is not None else []
+        self.inner = [
+            np.linalg.inv(np.eye(heavy.shape[1]) + own[rows].T @ heavy)
+            for rows, heavy in zip(trials, self.heavy, strict=True)
+            if own is not None
+        ]
         self.pull = self.weighted(shared)
         self.normal = shared.T @ self.pull
 
     def weighted(self, d: Floats) -> Floats:
         """Multiply by the inverse covariance; shape (n,) or (n, q)."""
         out = np.asarray((d.T * self.weight).T)
-        for rows in self.trials:
-            assert self.own is not None
-            own = self.own[rows]
-            heavy = (own.T * self.weight[rows]).T
-            small = np.eye(own.shape[1]) + own.T @ heavy
-            out[rows] -= heavy @ np.linalg.solve(small, heavy.T @ d[rows])
+        for rows, heavy, inner in zip(self.trials, self.heavy, self.inner, strict=True):
+            out[rows] -= heavy @ (inner @ (heavy.T @ d[rows]))
         return out
 
 

@@ -18,7 +18,7 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.evidence import Evidence, collect
 from spa_fo.gap.foresight import Bench, Foresight, Separation, bench_of
 from spa_fo.gap.profiles import FEW, NAMES, Limits, Profile, family, limits_of
-from spa_fo.gap.remedies import remedies
+from spa_fo.gap.remedies import remedies, twins
 from spa_fo.gap.rivals import Ids, Rival, Standing, rival
 from spa_fo.plant.effects.library import absent
 from spa_fo.rig import CampaignData
@@ -66,7 +66,7 @@ class Plan:
     @property
     def separable(self) -> tuple[int, ...]:
         """Places in `pairs` of those that some profile separates."""
-        return _separable(self.after)
+        return _separable(self.rivals, self.pairs, self.bench.tapped, self.after)
 
     @property
     def inseparable(self) -> tuple[int, ...]:
@@ -106,7 +106,7 @@ def plan(
     pairs = tuple(combinations(range(len(rivals)), 2))
     foresight = Foresight(bench, rivals)
     after = [tuple(foresight.after(profile, pairs)) for profile in profiles]
-    counted = _separable(after)
+    counted = _separable(rivals, pairs, bench.tapped, after)
     ranked = sorted(range(len(profiles)), key=lambda i: -_smallest(after[i], counted))
     return Plan(
         rivals=tuple(rivals),
@@ -127,9 +127,18 @@ def _offered(limits: Limits, names: tuple[str, ...]) -> tuple[Profile, ...]:
     return profiles
 
 
-def _separable(after: Sequence[Sequence[Separation]]) -> tuple[int, ...]:
-    pairs = range(len(after[0]))
-    return tuple(k for k in pairs if max(row[k].seen for row in after) >= SEPARABLE)
+def _separable(
+    rivals: Sequence[Rival],
+    pairs: Sequence[tuple[int, int]],
+    tapped: bool,
+    after: Sequence[Sequence[Separation]],
+) -> tuple[int, ...]:
+    return tuple(
+        k
+        for k, (i, j) in enumerate(pairs)
+        if not twins(rivals[i].ids, rivals[j].ids, tapped)
+        and max(row[k].seen for row in after) >= SEPARABLE
+    )
 
 
 def _smallest(row: Sequence[Separation], counted: Sequence[int]) -> float:

@@ -17,6 +17,30 @@ _ALL = frozenset(IDS)
 _DRIVE, _ACTUATOR, _SENSOR = _at("drive"), _at("actuator"), _at("sensor")
 _TAP = "log the pressure with a tap in the line, close to the actuator"
 
+_TWINS = (
+    frozenset({"creep", "sensor_creep"}),
+    frozenset({"line_lag", "sensor_lag"}),
+    frozenset({"dead_time", "channel_latency"}),
+)
+
+
+def twins(one: Sequence[str], other: Sequence[str], tapped: bool) -> bool:
+    """Say whether two explanations are the same linear filter at two places in the chain.
+
+    Filters in series change places without a trace. What a simulation shows of the difference is
+    due to the forms that the library gives them, not to physics.
+
+    Parameters
+    ----------
+    one, other : sequence of str
+        Their effects.
+    tapped : bool
+        Whether the pressure is measured, which tells the drive from the rest.
+    """
+    differ = frozenset(one) ^ frozenset(other)
+    return differ in _TWINS and not (tapped and differ & _DRIVE)
+
+
 _RULES: tuple[tuple[frozenset[str], frozenset[str], str], ...] = (
     (
         frozenset({"mains_pickup"}),
