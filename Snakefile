@@ -1,5 +1,6 @@
-# From raw serial logs to the paper's tables and figures. Read the rules in this order:
-# raw_to_angle -> identify -> ablation -> publish; blind stands beside them.
+# From raw serial logs to the paper's tables and figures, and to why model and actuator disagree.
+# Read the rules in this order: raw_to_angle -> identify -> gap -> ablation -> publish; blind, which
+# proves the gap's diagnosis, stands beside them.
 from snakemake.utils import min_version
 
 min_version("9.0")
@@ -11,6 +12,7 @@ configfile: "config.yaml"
 include: "workflow/rules/common.smk"
 include: "workflow/rules/raw_to_angle.smk"
 include: "workflow/rules/identify.smk"
+include: "workflow/rules/gap.smk"
 include: "workflow/rules/ablation.smk"
 include: "workflow/rules/publish.smk"
 include: "workflow/rules/blind.smk"

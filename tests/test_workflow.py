@@ -100,6 +100,12 @@ def test_every_result_is_there_and_says_where_its_data_come_from(finished: Path)
             assert (figures / f"{stem}.pdf").read_bytes().startswith(b"%PDF")
         model = json.loads((results / material / "model.json").read_text())
         assert model["schema"] == "spa-fo/model/1"
+        diagnosis = json.loads((results / material / "diagnosis" / "diagnosis.json").read_text())
+        assert diagnosis["campaign"] == model["campaign"]
+        assert f"({material}/diagnosis/diagnosis.md)" in summary
+        augmented = results / material / "diagnosis" / "augmented_model.json"
+        explained = diagnosis["shrink"] is not None
+        assert bool(json.loads(augmented.read_text())["effects"]) == explained
 
 
 def test_every_picture_and_file_the_summary_names_is_there(finished: Path) -> None:
@@ -190,9 +196,10 @@ def own_sources(finished: Path, tmp_path: Path) -> tuple[Path, dict[str, str]]:
     ("source", "rules"),
     [
         ("report/figures.py", {"all", "figures", "publish"}),
+        ("gap/floor.py", {"all", "diagnose", "publish"}),
         (
             "rig/calibration.py",
-            {"all", "raw_to_angle", "identify", "ablation", "figures", "publish"},
+            {"all", "raw_to_angle", "identify", "diagnose", "ablation", "figures", "publish"},
         ),
         ("virtual_rig/actuator.py", set()),
     ],

@@ -31,6 +31,7 @@ rule publish:
         ablations=of_each_material("ablation.csv"),
         ablation_verdicts=of_each_material("ablation.json"),
         figures=of_each_material("figures"),
+        diagnoses=of_each_material("diagnosis"),
     output:
         summary=RESULTS / "summary.md",
         tables=directory(RESULTS / "tables"),

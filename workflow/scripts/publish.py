@@ -27,6 +27,7 @@ with workflow_step(snakemake.log[0], snakemake.threads):
             ablation=pd.read_csv(snakemake.input.ablations[i]),
             fit_report=Path(snakemake.input.reports[i]).read_text(encoding="utf-8"),
             parse_report=Path(snakemake.input.parse_reports[i]).read_text(encoding="utf-8"),
+            diagnosis=load(Path(snakemake.input.diagnoses[i]) / "diagnosis.json"),
             figures=tuple(p.stem for p in sorted(Path(snakemake.input.figures[i]).glob("*.png"))),
         )
         for i, (name, entry) in enumerate(snakemake.params.materials.items())

@@ -19,6 +19,7 @@ from spa_fo.report.comparison import (
     parameter_table,
     rms_table,
 )
+from spa_fo.report.headline import headline
 from spa_fo.report.provenance import joint_provenance_line, provenance_line
 from spa_fo.report.tables import Table, write_table
 from spa_fo.rig import Campaign
@@ -36,6 +37,9 @@ _CAPTIONS = {
     "ablation": "How the error of the curve and the spread of the parameters depend on the number "
     "of datasets and points, and what outliers do.",
 }
+
+
+_PAGE = "diagnosis/diagnosis.md"
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,8 @@ class PublishedMaterial:
         Rows of the ablation, may be empty.
     fit_report, parse_report : str
         As text and as Markdown.
+    diagnosis : Mapping
+        As read from diagnosis.json.
     figures : tuple of str
         Names of the figures there are, without suffix.
     """
@@ -69,6 +75,7 @@ class PublishedMaterial:
     ablation: pd.DataFrame
     fit_report: str
     parse_report: str
+    diagnosis: Mapping[str, Any]
     figures: tuple[str, ...]
 
     @property
@@ -164,6 +171,7 @@ def _paper_part(folder: Path) -> Iterator[str]:
 def _material_part(material: PublishedMaterial) -> Iterator[str]:
     yield f"## {material.label}"
     yield f"```\n{material.fit_report.strip()}\n```"
+    yield from _diagnosis_part(material)
     if material.verdict is not None:
         yield "### How many datasets"
         yield "\n".join(f"- {line}" for line in verdict_lines(material.verdict))
@@ -173,6 +181,16 @@ def _material_part(material: PublishedMaterial) -> Iterator[str]:
             yield f"*{caption}*"
     yield "### The logs"
     yield material.parse_report.strip()
+
+
+def _diagnosis_part(material: PublishedMaterial) -> Iterator[str]:
+    yield "### Why model and actuator disagree"
+    answer, sizes = headline(material.diagnosis)
+    yield f"**{answer}** {sizes}"
+    following = material.diagnosis["verdict"]["next_experiment"]
+    if following:
+        yield f"What would decide: {following.rstrip('.')}."
+    yield f"The page of this diagnosis: [{_PAGE}]({material.name}/{_PAGE})."
 
 
 def _files_part(tables_folder: Path, root: Path) -> Iterator[str]:

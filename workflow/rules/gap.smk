@@ -1,0 +1,17 @@
+rule diagnose:
+    """Why model and actuator disagree: the answer, its page with figures, the augmented model."""
+    input:
+        trials=rules.raw_to_angle.output.trials,
+        model=rules.identify.output.model,
+    output:
+        directory(RESULTS / "{material}" / "diagnosis"),
+    log:
+        RESULTS / "logs" / "{material}" / "diagnose.log",
+    conda:
+        "../envs/spa-fo.yaml"
+    params:
+        campaign=lambda wildcards: campaign_of(wildcards.material),
+        seed=CONFIG["seed"],
+        code=code("diagnose.py"),
+    script:
+        "../scripts/diagnose.py"
