@@ -1,0 +1,632 @@
+"""The next experiment: profiles within limits, separations, and the advice made of them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import combinations, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+import campaigns
+from plant_cases import KPA, X, campaign_data, parameters, trials, triangle
+from spa_fo.cli import main
+from spa_fo.errors import BadInput
+from spa_fo.gap.evidence import collect, curve_columns
+from spa_fo.gap.explain import COEFFICIENT_SPREAD, SCALES, TIMING_S, paced, to_x, to_z
+from spa_fo.gap.foresight import Bench, Foresight
+from spa_fo.gap.plan import SEPARABLE, advise, next_experiment, plan, recommendation, runs, table
+from spa_fo.gap.profiles import (
+    BANNER,
+    COLUMNS,
+    FEW,
+    NAMES,
+    Limits,
+    Profile,
+    family,
+    limits_of,
+    read_profile,
+    write_profile,
+)
+from spa_fo.gap.remedies import remedies, twins
+from spa_fo.gap.rivals import Rival, Standing, read_standing, rival
+from spa_fo.plant import PARAMETERS
+from spa_fo.plant.chain import chain_for
+from spa_fo.plant.effects.library import IDS, LIBRARY, absent
+from spa_fo.plant.grid import campaign_grid
+from spa_fo.plant.memory import STEPS_S
+
+FLOOR_DEG, FLOOR_KPA = 0.4, 0.5
+CURVE_DEG = np.full(8, 0.15)
+COEFFICIENTS = dict(zip(PARAMETERS, X.tolist(), strict=True))
+
+
+def up_step(kpa: float, seconds: float = 6.0) -> np.ndarray:
+    return np.concatenate([np.zeros(50), np.full(round(50.0 * seconds), kpa)])
+
+
+def bench(*commands: np.ndarray, tapped: bool = False) -> Bench:
+    grid = campaign_grid(trials(*commands))
+    return Bench(grid, KPA, FLOOR_DEG, FLOOR_KPA, tapped, CURVE_DEG, None)
+
+
+UP_STEPS = bench(*(up_step(kpa) for kpa in (27.0, 55.0, 27.0, 55.0)))
+
+
+def one(*ids: str, **changes: dict[str, float]) -> Rival:
+    return rival(ids, {name: parameters(name, **changes.get(name, {})) for name in ids}, X)
+
+
+def fitted(other: Rival, truth: Rival, where: Bench) -> Rival:
+    """The rival as a diagnosis would find it: identified on the campaign that the truth makes."""
+    for _ in range(5):
+        other = Foresight(where, [truth, other]).refitted(1, 0)
+    return other
+
+
+# --- profiles ---------------------------------------------------------------------------------
+
+limits = st.builds(
+    Limits,
+    pressure_kpa=st.floats(0.5, 400.0),
+    duration_s=st.floats(1.0, 300.0),
+    rate_kpa_s=st.one_of(st.just(math.inf), st.floats(0.5, 2000.0)),
+)
+
+
+@given(limits)
+@settings(max_examples=60, deadline=None)
+def test_profiles_keep_to_their_limits(allowed: Limits) -> None:
+    for profile in family(allowed):
+        time, pressure = np.array(profile.time_s), np.array(profile.pressure_kpa)
+        assert time[0] == 0.0
+        assert pressure[0] == pressure[1] == 0.0
+        assert np.all(np.diff(time) >= 0.0)
+        assert time[-1] <= allowed.duration_s
+        assert pressure.min() >= -1e-9
+        assert pressure.max() <= allowed.pressure_kpa * (1.0 + 1e-12)
+        t, command = profile.sampled()
+        assert command.max() <= allowed.pressure_kpa + 1e-9
+        assert t[-1] <= allowed.duration_s
+        if math.isfinite(allowed.rate_kpa_s):
+            most = allowed.rate_kpa_s * np.diff(time) * (1.0 + 1e-6) + 1e-9
+            assert np.all(np.abs(np.diff(pressure)) <= most)
+            assert np.abs(np.diff(command)).max() <= allowed.rate_kpa_s / 50.0 + 0.0101
+
+
+def test_every_profile_fits_into_two_minutes() -> None:
+    assert tuple(profile.name for profile in family(Limits(50.0))) == NAMES
+    assert set(FEW) <= set(NAMES)
+
+
+def test_profiles_hold_what_they_are_named_for() -> None:
+    drawn = {profile.name: profile.sampled()[1] for profile in family(Limits(60.0))}
+    assert np.unique(drawn["up-step"]).tolist() == [0.0, 60.0]
+    assert drawn["up-step"][-1] == 60.0
+    assert np.all(np.diff(drawn["up-step"]) >= 0.0)
+    stairs = drawn["staircase"][np.flatnonzero(np.diff(drawn["staircase"])) + 1]
+    assert stairs.tolist() == [12.0, 24.0, 36.0, 48.0, 60.0, 48.0, 36.0, 24.0, 12.0, 0.0]
+    turns = drawn["return curves"]
+    lows = [b for a, b, c in zip(turns, turns[1:], turns[2:], strict=False) if a > b < c]
+    assert lows == pytest.approx([45.0, 30.0, 15.0, 0.0], abs=0.2)
+    held = np.count_nonzero(drawn["hold and recovery"] == 60.0) / 50.0
+    assert held == pytest.approx(60.0, abs=0.1)
+
+
+def test_a_short_limit_draws_faster_and_leaves_out_what_cannot_be() -> None:
+    natural = {profile.name: profile.duration_s for profile in family(Limits(60.0))}
+    short = {profile.name: profile.duration_s for profile in family(Limits(60.0, 30.0))}
+    assert short["up-step"] == natural["up-step"]
+    assert natural["staircase"] > 30.0 >= short["staircase"] > 29.0
+    assert "slow triangles" not in short
+    assert "3 s on each" not in {p.name: p.words for p in family(Limits(60.0))}["staircase"]
+
+
+def test_limits_come_from_the_campaign() -> None:
+    assert limits_of(UP_STEPS.grid) == Limits(pytest.approx(55.0), 120.0, math.inf)
+    ramps = limits_of(campaign_grid(trials(triangle(40.0, ramp=5.0))))
+    assert ramps.pressure_kpa == pytest.approx(40.0, rel=0.01)
+    assert ramps.rate_kpa_s == pytest.approx(8.0, rel=0.02)
+    long = limits_of(campaign_grid(trials(up_step(30.0, 200.0))))
+    assert long.duration_s == pytest.approx(201.0, abs=0.1)
+
+
+def test_limits_without_a_command_come_from_the_pressure() -> None:
+    own = [
+        replace(trial, pressure_kpa=0.9 * trial.command_kpa, command_kpa=None)
+        for trial in trials(up_step(40.0))
+        if trial.command_kpa is not None
+    ]
+    found = limits_of(campaign_grid(own))
+    assert found.pressure_kpa == pytest.approx(36.0)
+    assert math.isfinite(found.rate_kpa_s)
+
+
+@pytest.mark.parametrize("name", ["return curves", "multisine"])
+def test_a_profile_comes_back_from_its_file(tmp_path: Path, name: str) -> None:
+    (profile,) = family(Limits(55.55), (name,))
+    path = tmp_path / "next.csv"
+    write_profile(path, profile, "to tell creep from\nhysteresis")
+    first, header = path.read_text().splitlines()[:2]
+    assert first.startswith(f"{BANNER}{name}: ")
+    assert first.endswith("to tell creep from hysteresis")
+    assert header == COLUMNS
+    t, command = read_profile(path)
+    np.testing.assert_array_equal(t, profile.sampled()[0])
+    np.testing.assert_array_equal(command, profile.sampled()[1])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "header"),
+        ("t_s,pressure\n0,0\n", "header"),
+        (f"{COLUMNS}\n", "at least one row"),
+        (f"{COLUMNS}\n0,0\n1\n", "line 3"),
+        (f"# x\n{COLUMNS}\n0,0\n0,5\n", "line 4"),
+        (f"{COLUMNS}\n0,nan\n", "line 2"),
+    ],
+)
+def test_a_file_that_is_no_profile_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "next.csv"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=said):
+        read_profile(path)
+
+
+def test_a_missing_profile_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="cannot be read"):
+        read_profile(tmp_path / "none.csv")
+
+
+# --- separations ------------------------------------------------------------------------------
+
+STEP = Profile("step", "", (0.0, 1.0, 1.0, 5.0, 5.0, 8.0), (0.0, 0.0, 50.0, 50.0, 0.0, 0.0))
+
+
+def slow_separation(where: Bench, refit: Rival, truth: Rival) -> float:
+    """The campaign's own separation by a general least-squares solver, every nuisance in it."""
+    grid = where.grid
+    chain = chain_for(grid, refit.x, where.reference_kpa)
+    measured, _ = chain_for(grid, truth.x, where.reference_kpa).run(truth.x, truth.effects)
+    (place,) = [LIBRARY[name].first for name in refit.ids]  # effects of one parameter
+    seconds = STEPS_S[grid.level[grid.sample_step]]
+    start = np.append(to_z(refit.x), refit.effects[place])
+    y0, _ = chain.run(refit.x, refit.effects)
+    quick, _ = chain.run(paced(refit.x, 1.001), refit.effects)
+    own = np.column_stack([y0, np.ones(y0.size), (quick - y0) / 0.001])
+    late = np.empty(y0.size)
+    for i in range(len(grid.trials)):
+        rows = grid.sample_trial == i
+        late[rows] = -np.gradient(y0[rows], grid.time_s[rows])
+    shared = np.column_stack([late, curve_columns(y0)]) * np.append(TIMING_S, CURVE_DEG)
+    spread = np.append(COEFFICIENT_SPREAD["free"], LIBRARY[refit.ids[0]].parameters[0].spread)
+
+    def residuals(v: np.ndarray) -> np.ndarray:
+        moves, nuisances, each = np.split(v, [6, 6 + shared.shape[1]])
+        z = start + moves * spread
+        e = absent()
+        e[place] = z[5]
+        y, _ = chain.run(to_x(z[:5]), e)
+        y = y + shared @ nuisances
+        scatter = own * SCALES[:3] * each.reshape(-1, 3)[grid.sample_trial]
+        missed = (measured - y - scatter.sum(axis=1)) / FLOOR_DEG
+        return np.concatenate([missed * np.sqrt(seconds / 0.5), v])
+
+    v = np.zeros(6 + shared.shape[1] + 3 * len(grid.trials))
+    cost = 2.0 * least_squares(residuals, v, diff_step=1e-5).cost
+    return float(np.sqrt(cost * 0.5 / seconds.sum()))
+
+
+def test_separation_is_what_a_general_solver_finds() -> None:
+    lag, dead = one("line_lag", line_lag={"second_pole": 0.0}), one("dead_time")
+    where = bench(up_step(27.0, 4.0), up_step(55.0, 4.0))
+    # The lag holds no less than the delay: only one direction has one parameter.
+    expected = slow_separation(where, dead, lag)
+    foresight = Foresight(where, [replace(dead), replace(lag, ids=("dead_time", "line_lag"))])
+    assert foresight.now([(0, 1)])[0].seen == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize("ids", [("creep",), ("leak", "hysteresis"), ()])
+def test_an_explanation_is_not_separated_from_itself(ids: tuple[str, ...]) -> None:
+    foresight = Foresight(UP_STEPS, [one(*ids), one(*ids)])
+    assert foresight.now([(0, 1)])[0].seen < 1e-6
+    assert foresight.after(STEP, [(0, 1)])[0].seen < 1e-6
+
+
+def test_other_coefficients_alone_separate_nothing() -> None:
+    plain = one()
+    shifted = replace(plain, x=X * [1.01, 0.99, 1.1, 0.95, 1.05])
+    foresight = Foresight(UP_STEPS, [plain, shifted])
+    # The prior holds them a little.
+    assert foresight.now([(0, 1)])[0].seen < 0.1
+    assert foresight.after(STEP, [(0, 1)])[0].seen < 0.03
+
+
+def test_order_of_a_pair_does_not_matter() -> None:
+    foresight = Foresight(UP_STEPS, [one("hysteresis"), one("stiffening")])
+    there, back = foresight.after(STEP, [(0, 1), (1, 0)])
+    assert there == back
+
+
+def test_a_smaller_floor_separates_better() -> None:
+    pair = [one("hysteresis"), one("stiffening")]
+    loud = Foresight(UP_STEPS, pair).after(STEP, [(0, 1)])[0].seen
+    quiet = Foresight(replace(UP_STEPS, floor_deg=0.2), pair).after(STEP, [(0, 1)])[0].seen
+    assert 1.3 * loud < quiet < 2.0 * loud
+
+
+def test_a_larger_effect_on_top_is_found_wanting_without_it() -> None:
+    small = one("stiffening")
+    scores = []
+    for moment in (1.0, 4.0):
+        both = one("stiffening", "hysteresis", hysteresis={"moment_deg": moment})
+        scores.append(Foresight(UP_STEPS, [small, both]).after(STEP, [(0, 1)])[0].seen)
+    assert scores[1] > 2.0 * scores[0] > 0.0
+
+
+def test_the_specimen_remembers_the_campaign() -> None:
+    """Softening that the campaign has used up no longer shows; on a virgin specimen it does."""
+    soft = one("mullins_softening", mullins_softening={"loadings": 0.3, "dwell_s": 2.0})
+    pair = [one(), soft]
+    cycles = Profile("cycles", "", *_square(55.0, 5))
+    used = Foresight(bench(*[up_step(60.0)] * 5), pair).after(cycles, [(0, 1)])[0].seen
+    fresh = Foresight(bench(up_step(3.0)), pair).after(cycles, [(0, 1)])[0].seen
+    assert fresh > 2.0 * used
+
+
+def _square(kpa: float, cycles: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    time, pressure = [0.0], [0.0]
+    for k in range(cycles):
+        time += [1.0 + 8.0 * k] * 2 + [5.0 + 8.0 * k] * 2
+        pressure += [0.0, kpa, kpa, 0.0]
+    return (*time, 8.0 * cycles), (*pressure, 0.0)
+
+
+@cache
+def planned(truth: str, other: str, tapped: bool = False) -> Any:
+    where = replace(UP_STEPS, tapped=tapped)
+    if "mullins_softening" in (truth, other):
+        # Blocks, largest first: softening looks like a gain that falls with the angle.
+        where = bench(*(up_step(kpa) for kpa in (55.0, 55.0, 27.0, 27.0)), tapped=tapped)
+    true = one(truth)
+    return plan([true, fitted(one(other), true, where)], where)
+
+
+def up_steps_score(made: Any) -> float:
+    names = [profile.name for profile in made.profiles]
+    return float(made.smallest(made.after[names.index("up-step")]))
+
+
+@pytest.mark.parametrize(
+    ("truth", "other"),
+    [
+        ("hysteresis", "creep"),
+        ("stiffening", "mullins_softening"),
+        ("line_lag", "dead_time"),
+        ("slew_limit", "line_lag"),
+        ("drive_backlash", "hysteresis"),
+        ("sensor_saturation", "contact_stop"),
+    ],
+)
+def test_the_recommended_profile_beats_up_steps(truth: str, other: str) -> None:
+    made = planned(truth, other)
+    best = made.smallest(made.after[0])
+    assert made.separable == (0,)
+    assert best > 1.2 * up_steps_score(made)
+    assert best > 1.2 * made.smallest(made.now)
+    assert made.best.name in table(made).splitlines()[5]
+
+
+@pytest.mark.parametrize(
+    ("truth", "other"),
+    [("creep", "sensor_creep"), ("line_lag", "sensor_lag"), ("dead_time", "channel_latency")],
+)
+def test_the_same_filter_elsewhere_is_said_to_be_inseparable(truth: str, other: str) -> None:
+    made = planned(truth, other)
+    assert made.separable == ()
+    # Two forms of creep differ in how they begin, and that is all a refit leaves.
+    least = 2.0 * SEPARABLE if truth == "creep" else 0.1 * SEPARABLE
+    assert max(row[0].seen for row in made.after) < least
+    assert recommendation(made).startswith("No pressure profile separates")
+
+
+@pytest.mark.parametrize(
+    ("truth", "other"), [("line_lag", "sensor_lag"), ("dead_time", "channel_latency")]
+)
+def test_a_tap_separates_what_the_angle_cannot(truth: str, other: str) -> None:
+    without = planned(truth, other)
+    assert "tap" in recommendation(without)
+    with_tap = planned(truth, other, tapped=True)
+    assert with_tap.separable == (0,)
+    assert with_tap.smallest(with_tap.after[0]) > 3.0
+    assert max(row[0].tapped for row in without.after) > 3.0
+    assert "tap" not in recommendation(with_tap)
+
+
+def test_a_pair_without_remedy_by_pressure_does_not_choose_the_profile() -> None:
+    true = one("hysteresis")
+    made = plan(
+        [one("creep"), one("sensor_creep"), fitted(true, one("creep"), UP_STEPS)],
+        UP_STEPS,
+        names=("up-step", "slow triangles", "staircase"),
+    )
+    assert made.pairs == ((0, 1), (0, 2), (1, 2))
+    assert made.inseparable == (0,)
+    scores = [min(row[1].seen, row[2].seen) for row in made.after]
+    assert scores == sorted(scores, reverse=True)
+    words = recommendation(made)
+    assert "creep from hysteresis" in words
+    assert "No pressure profile separates creep from sensor_creep" in words
+
+
+def test_no_profile_in_the_limits_is_refused() -> None:
+    pair = [one("creep"), one("hysteresis")]
+    with pytest.raises(BadInput, match="no profile fits into 2 s"):
+        plan(pair, UP_STEPS, Limits(50.0, 2.0))
+    with pytest.raises(BadInput, match="pressure"):
+        plan(pair, UP_STEPS, Limits(0.0))
+
+
+def test_weaker_separations_ask_for_more_runs() -> None:
+    assert [runs(score) for score in (0.0, 0.6, 1.0, 5.0)] == [12, 12, 4, 3]
+
+
+# --- remedies ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tapped", [False, True])
+def test_every_pair_has_a_remedy(tapped: bool) -> None:
+    for left, right in combinations(IDS, 2):
+        words = remedies((left,), (right,), tapped)
+        assert 1 <= len(words) <= 2
+        assert words == remedies((right,), (left,), tapped)
+        assert not (tapped and any("tap in the line" in text for text in words))
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "word"),
+    [
+        (("creep",), ("sensor_creep",), "dwells"),
+        (("hysteresis",), ("sensor_hysteresis",), "up and down"),
+        (("line_lag",), ("sensor_lag",), "tap"),
+        (("gravity_load",), ("sensor_nonlinearity",), "orientation"),
+        (("creep",), ("creep", "mains_pickup"), "at rest"),
+        (("leak", "creep"), ("leak", "sensor_creep"), "dwells"),
+        (("stiffening",), ("sensor_nonlinearity",), "camera"),
+        (("thermal_drift",), ("creep",), "clock"),
+    ],
+)
+def test_remedies_fit_the_pair(left: tuple[str, ...], right: tuple[str, ...], word: str) -> None:
+    assert word in remedies(left, right, tapped=False)[0]
+
+
+def test_twins_are_filters_of_one_kind() -> None:
+    assert twins(("creep",), ("sensor_creep",), tapped=True)
+    assert twins(("leak", "line_lag"), ("leak", "sensor_lag"), tapped=False)
+    assert not twins(("line_lag",), ("sensor_lag",), tapped=True)
+    assert not twins(("line_lag",), ("channel_latency",), tapped=False)
+    assert not twins(("creep", "leak"), ("sensor_creep",), tapped=False)
+
+
+# --- verdicts ---------------------------------------------------------------------------------
+
+
+def advice(kind: str, *rivals: Rival, misses: Sequence[str] = (), names: tuple[str, ...] = FEW):
+    standing = Standing(kind, rivals, None, FLOOR_DEG, tuple(misses))
+    return advise(standing, UP_STEPS, limits_of(UP_STEPS.grid), names)
+
+
+def test_a_cause_leaves_nothing_to_separate() -> None:
+    given_cause = advice("cause", one("hysteresis"))
+    assert given_cause.text.startswith("Nothing is left to separate: hysteresis is the cause.")
+    assert "\n" not in given_cause.text
+    assert given_cause.profile.words in given_cause.text
+    assert given_cause.plan is None
+
+
+def test_a_cause_that_no_profile_shows_is_confirmed_otherwise() -> None:
+    shift = advice("cause", one("parameter_shift"))
+    assert "a shift stays with the specimen" in shift.text
+    assert shift.profile.name == "rich"
+
+
+def test_no_gap_leaves_nothing_to_separate() -> None:
+    found = advice("no_gap")
+    assert found.text.startswith("Nothing is left to separate")
+    assert "\n" not in found.text
+
+
+def test_unknown_proposes_the_richest_profile_and_names_what_is_missing() -> None:
+    found = advice("unknown", one("leak"), misses=("measured pressure", "a long hold"))
+    assert found.profile.name == "rich"
+    assert "beyond leak" in found.text
+    assert "measured pressure; a long hold" in found.text
+    short = advise(Standing("unknown", (), None, 0.4, ()), UP_STEPS, Limits(50.0, 15.0))
+    assert short.profile.duration_s <= 15.0
+
+
+def test_a_diagnosis_is_told_what_to_do_next() -> None:
+    data = campaign_data(trials(*(up_step(kpa) for kpa in (27.0, 55.0, 27.0, 55.0))))
+    sets = [("hysteresis",), ("creep",)]
+    values = [{name: parameters(name)} for (name,) in sets]
+    text, profile = next_experiment(
+        "ambiguous", sets, values, [COEFFICIENTS] * 2, collect(data), FLOOR_DEG
+    )
+    assert "separate hysteresis from creep" in text
+    assert profile.name in FEW
+    assert profile.words.lower() in text.lower()
+
+
+# --- the diagnosis's file ---------------------------------------------------------------------
+
+
+def cause(ids: Sequence[str], probability: float) -> dict[str, Any]:
+    return {
+        "set": list(ids),
+        "probability": probability,
+        "parameters": {
+            name: {k: {"value": v, "ci95": None} for k, v in parameters(name).items()}
+            for name in ids
+        },
+        "transfer_function": dict(COEFFICIENTS),
+    }
+
+
+def diagnosis(kind: str = "ambiguous", *sets: Sequence[str]) -> dict[str, Any]:
+    return {
+        "schema": "spa-fo/diagnosis/1",
+        "campaign": "steps",
+        "seed": 1,
+        "gap": {"rmse_deg": 2.0, "noise_floor_deg": 0.4, "significant": True, "p_value": 0.01},
+        "causes": [
+            *(cause(ids, 0.4) for ids in sets),
+            {**cause((), 0.1), "set": ["none"]},
+            {"set": ["unknown"], "probability": 0.1},
+        ],
+        "verdict": {"kind": kind, "sets": [list(ids) for ids in sets], "next_experiment": None},
+        "evidence": {"offers": [], "misses": ["a long hold"]},
+    }
+
+
+def written(folder: Path, document: Any) -> Path:
+    path = folder / "diagnosis.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_a_diagnosis_is_read(tmp_path: Path) -> None:
+    document = diagnosis("ambiguous", ("creep",), ("leak", "hysteresis"))
+    standing = read_standing(written(tmp_path, document), "steps")
+    assert [r.ids for r in standing.rivals] == [("creep",), ("leak", "hysteresis")]
+    assert standing.rivals[1].effects[LIBRARY["leak"].first] == parameters("leak")["rate_per_s"]
+    np.testing.assert_allclose(standing.rivals[0].x, X)
+    assert standing.plain is not None
+    assert standing.plain.ids == ()
+    assert (standing.kind, standing.floor_deg) == ("ambiguous", 0.4)
+    assert standing.misses == ("a long hold",)
+
+
+def test_values_beyond_their_bounds_are_taken_to_them() -> None:
+    given_values = {"leak": {"rate_per_s": 9.0, "makeup_per_s": {"value": 0.1, "ci95": None}}}
+    assert rival(("leak",), given_values, COEFFICIENTS).effects[LIBRARY["leak"].first] == 0.3
+
+
+def changed(path: str, value: Any) -> dict[str, Any]:
+    """A diagnosis with one key replaced, or taken out by None."""
+    document = diagnosis("ambiguous", ("creep",), ("leak",))
+    place: Any = document
+    *way, last = path.split(".")
+    for key in way:
+        place = place[int(key) if key.isdecimal() else key]
+    if value is None:
+        del place[last]
+    else:
+        place[last] = value
+    return document
+
+
+BAD = [
+    ("schema", "spa-fo/model/1", "schema"),
+    ("campaign", "another", "expected a diagnosis of 'steps', found 'another'"),
+    ("verdict", None, "verdict: missing"),
+    ("verdict.kind", "guess", "verdict.kind"),
+    ("verdict.sets", None, "verdict.sets: missing"),
+    ("verdict.sets", [["creep"]], "verdict.sets"),
+    ("verdict.sets", [["creap"], ["leak"]], "did you mean 'creep'"),
+    ("verdict.sets", [["creep"], ["hysteresis"]], "causes: none of them"),
+    ("verdict.sets", ["creep", "leak"], "lists of effects"),
+    ("causes", None, "causes: missing"),
+    ("causes.0.parameters", None, "causes[0].parameters: missing"),
+    ("causes.0.parameters.creep", None, "misses the key 'creep'"),
+    ("causes.0.parameters.creep.tilt", None, "misses the key 'tilt'"),
+    ("causes.0.parameters.creep.tilt", {"value": "1"}, "finite number"),
+    ("causes.1.transfer_function", None, "causes[1].transfer_function: missing"),
+    ("causes.1.transfer_function.a0", None, "misses the key 'a0'"),
+    ("causes.1.transfer_function.b0", -1.0, "b0"),
+    ("causes.1.transfer_function.alpha1", 1.9, "orders"),
+    ("gap", None, "gap: missing"),
+    ("gap.noise_floor_deg", 0.0, "gap.noise_floor_deg"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "said"), BAD)
+def test_bad_diagnoses_are_refused(tmp_path: Path, path: str, value: Any, said: str) -> None:
+    with pytest.raises(BadInput) as refusal:
+        read_standing(written(tmp_path, changed(path, value)), "steps")
+    assert said in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(("text", "said"), [("{", "not JSON"), ("[]", "JSON object")])
+def test_what_is_no_diagnosis_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "diagnosis.json"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=said):
+        read_standing(path, "steps")
+
+
+# --- the command ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plan") / "steps"
+    folder.mkdir()
+    document = campaigns.step_campaign(folder, trials=2)
+    campaigns.write_yaml(folder, {**document, "name": "steps"})
+    campaigns.write_sums(folder)
+    return folder
+
+
+def test_the_command_writes_a_profile_and_says_why(
+    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = diagnosis("ambiguous", ("hysteresis",), ("stiffening",))
+    path, out = written(tmp_path, document), tmp_path / "next.csv"
+    arguments = ["plan", str(campaign), "--diagnosis", str(path), "--out", str(out)]
+    assert main([*arguments, "--max-duration", "60", "--max-pressure", "30"]) == 0
+    said = capsys.readouterr().out
+    t, command = read_profile(out)
+    assert t[-1] <= 60.0
+    assert command.max() == 30.0
+    assert "hysteresis from stiffening" in said
+    assert "hysteresis from stiffening" in out.read_text().splitlines()[0]
+    rows = said.split("this campaign  ")[1].splitlines()[1:]
+    scores = [float(row.split()[-1]) for row in rows if row.strip()]
+    assert len(scores) > 8
+    assert all(a >= b for a, b in pairwise(scores))
+
+
+def test_bad_input_leaves_with_2_and_writes_nothing(
+    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = written(tmp_path, changed("campaign", "another")), tmp_path / "next.csv"
+    with pytest.raises(SystemExit) as stop:
+        main(["plan", str(campaign), "--diagnosis", str(path), "--out", str(out)])
+    assert stop.value.code == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "diagnosis.json: campaign" in said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("value", ["0", "-3", "nan", "inf", "long"])
+def test_limits_must_be_positive(
+    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], value: str
+) -> None:
+    path = written(tmp_path, diagnosis("no_gap"))
+    arguments = ["plan", str(campaign), "--diagnosis", str(path), "--out", "next.csv"]
+    with pytest.raises(SystemExit) as stop:
+        main([*arguments, f"--max-duration={value}"])
+    assert stop.value.code == 2
+    assert "expected a positive number" in capsys.readouterr().err
