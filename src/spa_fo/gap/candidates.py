@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from spa_fo.gap.drive import DriveFit, fit_drive, fit_drives
 from spa_fo.gap.evidence import Evidence, angle_chain, modelled_pressure, tolerant
 from spa_fo.gap.explain import AngleProblem, Fit, Slot, best_fit, to_z
-from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.pickup import Pickup, fast_line, is_absent_from_fixture, is_locked, slow_line
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import IDS, LIBRARY
@@ -27,6 +26,8 @@ Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
 _PAIRED = 6  # so many of the best single effects are tried in pairs
+_MOST_TOGETHER = 5
+_WORTH_ADDING = 12.0  # nats
 _FREED = 8  # so many with the coefficients free
 _SCREENING_STEPS = 3
 _PROMISING = 40.0  # nats behind the best after screening
@@ -100,7 +101,6 @@ def consider(
     """
     evidence = _tolerant(evidence, given, own)
     drives = fit_drives(evidence, excluded) if evidence.has_pressure else {}
-    drives = _relevant(evidence, given, drives)
     chain = angle_chain(evidence, given, _known_pressure(evidence, drives))
     fitter = _Fitter(evidence, chain, given)
     singles = [
@@ -126,7 +126,8 @@ def consider(
         if is_locked(evidence, fit) or is_absent_from_fixture(evidence, fit):
             del fitter.fits[(("mains_pickup",), level)]
     for pair in combinations(ranked[:_PAIRED], 2):
-        fitter.pair(ordered(pair), level)
+        fitter.joined(ordered(pair), level)
+    fitter.grow(ranked[:_FREED], level)
     return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow, tuple(excluded))
 
 
@@ -148,28 +149,8 @@ def _tolerant(evidence: Evidence, given: Floats, own: bool) -> Evidence:
     return tolerant(evidence, deg, kpa)
 
 
-def _relevant(
-    evidence: Evidence, given: Floats, drives: dict[Ids, DriveFit]
-) -> dict[Ids, DriveFit]:
-    """Leave out fits with a member that hardly moves the angle."""
-    chain = angle_chain(evidence, given, None)
-    floor = noise_floor(evidence)
-    kept = {}
-    for ids, fit in drives.items():
-        full, _ = chain.run(given, fit.effects)
-        moved = []
-        for name in ids:
-            less = fit.effects.copy()
-            less[LIBRARY[name].slots] = np.nan
-            without, _ = chain.run(given, less)
-            moved.append(float(np.sqrt(np.mean((full - without) ** 2))))
-        if not ids or all(size >= RELEVANT * floor for size in moved):
-            kept[ids] = fit
-    return kept
-
-
 def _known_pressure(evidence: Evidence, drives: dict[Ids, DriveFit]) -> Floats | None:
-    """True pressure as far as it is known: the best model of the drive and what it misses."""
+    """Take the true pressure as far as it is known: the drive's model and what it misses."""
     if not drives:
         return None
     return _with_missed(evidence, max(drives.values(), key=lambda fit: fit.log_evidence))
@@ -234,7 +215,8 @@ class _Fitter:
             fits.append(changed.fit(starts[0]))
         self.fits[((name,), level)] = best_fit(fits)
 
-    def pair(self, ids: Ids, level: str) -> None:
+    def joined(self, ids: Ids, level: str) -> Fit:
+        """Fit several effects from where each came out alone."""
         problem = self.problem(ids, level)
         known = [self.fits[((name,), level)] for name in ids]
         better = max(known, key=lambda fit: fit.log_evidence)
@@ -244,7 +226,22 @@ class _Fitter:
             for slot, value in zip(self._slots(fit), fit.searched[5:], strict=True)
         }
         at_singles = np.array([values[slot.place] for slot in problem.slots])
-        self.fits[(ids, level)] = problem.fit(np.concatenate([better.searched[:5], at_singles]))
+        start = np.concatenate([better.searched[:5], at_singles])
+        self.fits[(ids, level)] = problem.fit(start)
+        return self.fits[(ids, level)]
+
+    def grow(self, names: Sequence[str], level: str) -> None:
+        """Add effect after effect to the best set, while each adds far more than it costs."""
+        best = best_fit([fit for (_, own), fit in self.fits.items() if own == level])
+        while 2 <= len(best.ids) < _MOST_TOGETHER:
+            wider = [
+                self.joined(ordered((*best.ids, name)), level)
+                for name in names
+                if name not in best.ids
+            ]
+            if not wider or best_fit(wider).log_evidence < best.log_evidence + _WORTH_ADDING:
+                return
+            best = best_fit(wider)
 
     def _slots(self, fit: Fit) -> list[Slot]:
         return self.problem(fit.ids, fit.level).slots

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from spa_fo.gap.explanation import Explanation, augmented_model, seat_of, simula
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse, shrink
 from spa_fo.gap.locate import shares
+from spa_fo.gap.plan import next_experiment
 from spa_fo.gap.unknown import Stress, unknown_probability
 from spa_fo.gap.verdict import Scored, Verdict, beating, judge, leftover, stage_shares, weigh
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
@@ -45,6 +47,7 @@ _SAME_MODEL = 0.01  # of the static gain: two step responses nearer than that ar
 _PART_EXPLAINED = 0.5  # of the gap, held out: less is nothing explained
 _BY_CHANCE = {"mains_pickup", "sensor_slip"}  # phases and jumps that nobody can foretell
 _WORTH_TESTING = 0.01  # probability from which an explanation's predictions are tried
+_FREE_FORM_DEG = 2.0  # typical size of a correction without physics
 _RUNGS = 6  # explanations whose held-out error is computed
 
 
@@ -170,19 +173,18 @@ def diagnose(
     verdict = _verdict(scored, unknown)
 
     progress(f"predicting the held-out trials ({held.text})")
-    curves = _curves(candidates, everything, verdict)
+    chosen = _chosen(verdict)
+    curves = _curves(candidates, everything, chosen)
     shrunk = None
-    if verdict.kind != "no_gap" and verdict.best.explanation.ids:
+    if verdict.sets:
         shrunk = shrink(everything, held, curves, floor, rng)
         if verdict.kind == "unknown" and shrunk.fraction_closed < _PART_EXPLAINED:
             verdict, shrunk = replace(verdict, sets=()), None
-    if verdict.kind != "no_gap" and not verdict.sets:
-        shrunk = None
 
     explained = bool(verdict.sets)
     if explained:
         progress("fitting the explanation once more, to all trials")
-    final = _refit(candidates, everything, verdict.best.explanation) if explained else None
+    final = _refit(candidates, everything, chosen) if explained else None
     if not explained:
         curves["explained"] = curves["plain"]
     model = plain
@@ -191,6 +193,9 @@ def diagnose(
         model = replace(model, extra={**model.extra, "memory": ending_memory(model, data)})
     located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
     everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
+    causes = _causes(candidates, everything, held, verdict)
+    misses = _misses(everything)
+    progress("looking for the experiment that would decide")
     return Diagnosis(
         campaign=data.campaign.name,
         material=data.campaign.material,
@@ -203,14 +208,14 @@ def diagnose(
             significant=verdict.kind != "no_gap",
             p_value=verdict.p_value,
         ),
-        where=Where(stage=stage_shares(verdict), **located),
-        causes=_causes(candidates, everything, held, verdict),
+        where=Where(stage=_stages(verdict, candidates, everything, curves["plain"]), **located),
+        causes=causes,
         kind=verdict.kind,
         sets=verdict.sets,
-        next_experiment=_next(verdict),
+        next_experiment=_next(verdict, causes, everything, floor, misses),
         shrink=shrunk,
         offers=_offers(everything),
-        misses=_misses(everything),
+        misses=misses,
         findings=_findings(stress, unknown, own, verdict),
         baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
         traces=_traces(everything, held, curves, final),
@@ -252,15 +257,15 @@ def _tested(
     nothing = np.full_like(scored[0].explanation.effects(), np.nan)
     plain, _ = angle_chain(everything, given, None).run(given, nothing)
     errors = {
-        s.explanation.ids: rmse(everything, simulate(s.explanation, everything), where)
+        s.named: rmse(everything, simulate(s.explanation, everything), where)
         for s in scored
-        if s.probability > _WORTH_TESTING and not _BY_CHANCE & set(s.explanation.ids)
+        if s.probability > _WORTH_TESTING and not _BY_CHANCE & set(s.named)
     }
     return beating(scored, errors, rmse(everything, plain, where))
 
 
 def _verdict(scored: Sequence[Scored], unknown: float) -> Verdict:
-    none = sum(s.probability for s in scored if not s.explanation.ids)
+    none = sum(s.probability for s in scored if not s.named)
     significant = none * (1.0 - unknown) < 0.5
     # A Bayes factor against no gap of k is met by chance at most once in k times (Ville 1939).
     prior_odds = 0.3 / 0.7
@@ -271,19 +276,54 @@ def _verdict(scored: Sequence[Scored], unknown: float) -> Verdict:
     return judge(scored, unknown, p_value, significant)
 
 
-def _curves(candidates: Candidates, everything: Evidence, verdict: Verdict) -> dict[str, Floats]:
+def _chosen(verdict: Verdict) -> Explanation:
+    """Return the most probable set that stands; the most probable of all where none does."""
+    for s in verdict.scored:
+        if verdict.sets and s.named == verdict.sets[0]:
+            return s.explanation
+    return verdict.best.explanation
+
+
+def _stages(
+    verdict: Verdict, candidates: Candidates, everything: Evidence, plain_deg: Floats
+) -> dict[str, float]:
+    """Share the gap out to stages: by what explains it, or else by where it is seen."""
+    if verdict.kind == "no_gap" or verdict.sets:
+        return stage_shares(verdict)
+    gain = candidates.given[4] / candidates.given[3] / everything.data.campaign.reference_kpa
+    drive = 0.0
+    if candidates.drives:
+        missed = candidates.drives[()].missed_kpa
+        drive = float(np.mean((np.degrees(gain) * missed) ** 2))
+    sensor = 0.0
+    if everything.fixture is not None:
+        fixture = everything.fixture
+        sensor = max(float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2)), 0.0)
+    whole = float(np.mean((everything.grid.angle_deg - plain_deg) ** 2))
+    actuator = max(whole - drive - sensor, 0.0) + 1e-9
+    total = drive + sensor + actuator
+    return {
+        "drive": drive / total,
+        "actuator": actuator / total,
+        "sensor": sensor / total,
+        "acquisition": 0.0,
+    }
+
+
+def _curves(candidates: Candidates, everything: Evidence, chosen: Explanation) -> dict[str, Floats]:
     """Predictions from the command at all averaged samples, deg."""
     evidence, given = candidates.evidence, candidates.given
     chain = angle_chain(everything, given, None)
-    nothing = verdict.best.explanation.effects()
-    nothing[:] = np.nan
+    nothing = np.full_like(chosen.effects(), np.nan)
     plain, _ = chain.run(given, nothing)
     refit = AngleProblem(evidence, chain, given, (), "free").fit(to_z(given))
+    loose = replace(evidence, tolerance_deg=_FREE_FORM_DEG)
+    free_form = AngleProblem(loose, chain, given, (), "free").fit(refit.searched)
     return {
         "plain": plain,
         "refit": refit.predicted_deg,
-        "ceiling": refit.predicted_deg + refit.discrepancy_deg,
-        "explained": simulate(verdict.best.explanation, everything),
+        "ceiling": free_form.predicted_deg + free_form.discrepancy_deg,
+        "explained": simulate(chosen, everything),
     }
 
 
@@ -320,9 +360,13 @@ def _causes(
         x = dict(zip(PARAMETERS, e.fit.x.tolist(), strict=True))
         causes.append(
             Cause(
-                set=e.ids or ("none",),
+                set=s.named or ("none",),
                 probability=named * s.probability,
-                parameters=_with_intervals(e, candidates.given, everything),
+                parameters={
+                    name: own
+                    for name, own in _with_intervals(e, candidates.given, everything).items()
+                    if name in s.named
+                },
                 transfer_function=x,
                 held_out_rmse_deg=error,
                 leftover_deg=s.leftover_deg,
@@ -378,7 +422,7 @@ def _with_intervals(
 
 
 def _smallest_bic(candidates: Candidates) -> list[str]:
-    """What the smallest Bayesian information criterion picks among single effects."""
+    """Name what the smallest Bayesian information criterion picks among single effects."""
     evidence = candidates.evidence
     used = evidence.used
     n = int(np.count_nonzero(used))
@@ -394,10 +438,30 @@ def _smallest_bic(candidates: Candidates) -> list[str]:
     return list(best[1])
 
 
-def _next(verdict: Verdict) -> str | None:
+def _next(
+    verdict: Verdict,
+    causes: Sequence[Cause],
+    evidence: Evidence,
+    floor_deg: float,
+    misses: Sequence[str],
+) -> str | None:
+    """Say which experiment would decide, where something is left to decide."""
     if verdict.kind in ("no_gap", "cause"):
         return None
-    return "a protocol with release, staircase and a long hold, and a calibration afterwards"
+    if evidence.grid.command_kpa is None:
+        return "The logs hold no command to plan with; " + "; ".join(misses)
+    by_set = {cause.set: cause for cause in causes}
+    standing = [by_set[ids] for ids in verdict.sets]
+    text, _ = next_experiment(
+        verdict.kind,
+        verdict.sets,
+        [cause.parameters for cause in standing],
+        [cause.transfer_function for cause in standing],
+        evidence,
+        floor_deg,
+        misses,
+    )
+    return text
 
 
 def _offers(evidence: Evidence) -> tuple[str, ...]:
@@ -430,7 +494,7 @@ def _misses(evidence: Evidence) -> tuple[str, ...]:
     if evidence.fixture is None:
         missing.append("a calibration log: the sensor cannot be told from the actuator")
     orders = [trial.experiment for trial in trials]
-    blocks = sum(a != b for a, b in zip(orders, orders[1:], strict=False)) + 1
+    blocks = sum(a != b for a, b in pairwise(orders)) + 1
     if len(set(orders)) > 1 and blocks == len(set(orders)):
         missing.append("interleaved order: drift and amplitude go together in blocks")
     return tuple(missing)
@@ -468,12 +532,9 @@ def _traces(
     evidence: Evidence, held: HeldOut, curves: Mapping[str, Floats], final: Explanation | None
 ) -> Traces:
     grid = evidence.grid
-    at = grid.cell_starts[grid.sample_trial] + np.minimum(
-        (grid.time_s / 0.02).astype(int),
-        np.diff(grid.cell_starts)[grid.sample_trial] - 1,
-    )
-    command = grid.command_kpa if grid.command_kpa is not None else grid.pressure_kpa
-    assert command is not None
+    driven = grid.command_kpa if grid.command_kpa is not None else grid.pressure_kpa
+    assert driven is not None
+    command = grid.step_means(driven)[grid.sample_step]
     fixture = evidence.fixture
     empty = np.zeros(0)
     explained = empty
@@ -489,7 +550,7 @@ def _traces(
         label=tuple(trial.label for trial in grid.trials),
         trial=grid.sample_trial,
         time_s=grid.time_s,
-        command_kpa=command[at],
+        command_kpa=command,
         measured_deg=grid.angle_deg,
         plain_deg=curves["plain"],
         explained_deg=curves["explained"],

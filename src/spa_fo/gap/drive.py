@@ -117,7 +117,7 @@ class _Problem:
         self.scales = np.array([evidence.tolerance_kpa])
 
     def _change(self, cells: Floats) -> Floats:
-        """Change of a pressure about each averaged sample, from three cells before to three after."""
+        """Change of a pressure about each averaged sample, over three cells to either side."""
         size = cells.size
         after, before = np.minimum(self.at + 3, size - 1), np.maximum(self.at - 3, 0)
         return np.asarray(np.abs(cells[after] - cells[before]))
@@ -157,7 +157,7 @@ class _Problem:
         return blocks, y
 
     def _late(self, y: Floats) -> Floats:
-        """What a log that is late by a second would add, to first order; jumps left out."""
+        """Say what a log that is late by a second would add, to first order; jumps left out."""
         slope = np.zeros(y.size)
         for rows in self.evidence.rows:
             slope[rows] = -np.gradient(y[rows], self.evidence.grid.time_s[rows])

@@ -1,4 +1,4 @@
-"""What a campaign offers as evidence: angles, measured pressure, calibrations; in blocks of rows."""
+"""What a campaign offers as evidence: angles, measured pressure, calibrations."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Fixture:
     first_log: int
 
     def simulate(self, effects: Floats) -> tuple[Floats, Seat]:
-        """What the sensor's effects make of the fixture.
+        """Simulate what the sensor's effects make of the fixture.
 
         Returns
         -------
@@ -457,7 +457,7 @@ def angle_chain(evidence: Evidence, x: Floats, pressure_kpa: Floats | None) -> C
 
 
 def modelled_pressure(evidence: Evidence, effects: Floats) -> Floats:
-    """True pressure on the grid's cells with these drive effects, kPa."""
+    """Return the true pressure on the grid's cells with these drive effects, kPa."""
     command = evidence.grid.command_kpa
     assert command is not None
     return np.asarray(drive_pressure(command, evidence.grid.cell_starts, effects, np.zeros(2)))

@@ -76,7 +76,7 @@ class Slot:
         return float(np.exp(z)) if self.parameter.log else z
 
     def searched(self, value: float) -> float:
-        """Searched number of a value."""
+        """Give the searched number of a value."""
         return float(np.log(value)) if self.parameter.log else value
 
     @property
@@ -499,7 +499,7 @@ class AngleProblem:
         return [rows for rows in used if rows.size]
 
     def starts(self, base: Floats) -> list[Floats]:
-        """Starting points: each effect's own, on the coefficients `base` (searched)."""
+        """List starting points: each effect's own, on the coefficients `base` (searched)."""
         points = [base[:5]]
         for slot in self.slots:
             every = slot.parameter.starts

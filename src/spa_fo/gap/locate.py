@@ -13,6 +13,13 @@ Strings = NDArray[np.str_]
 _EARLY_S = 1.0  # after a jump of the input
 _AMPLITUDES = (-180.0, 5.0, 15.0, 30.0, 45.0, 60.0, 360.0)
 _STILL = 1.5  # deg/s
+_DEGREES = ("below 5 deg", "5-15 deg", "15-30 deg", "30-45 deg", "45-60 deg", "above 60 deg")
+_ORDER = (
+    *("rest", "rise", "hold", "ramp", "fall", "released"),
+    *_DEGREES,
+    *("bending", "still", "relaxing"),
+    *("first third", "second third", "last third"),
+)
 _BANDS_HZ = (0.0, 0.1, 0.3, 1.0, 1e9)
 
 
@@ -46,10 +53,11 @@ def shares(
 
 
 def _by(label: Strings, square: Floats) -> dict[str, float]:
-    names = list(dict.fromkeys(label.tolist()))
+    present = set(label.tolist())
+    names = [name for name in _ORDER if name in present]
     sums = {name: max(float(square[label == name].sum()), 0.0) for name in names}
     total = sum(sums.values())
-    return {name: (value / total if total > 0 else 0.0) for name, value in sorted(sums.items())}
+    return {name: (value / total if total > 0 else 0.0) for name, value in sums.items()}
 
 
 def _phase(evidence: Evidence) -> Strings:
@@ -80,8 +88,7 @@ def _phase(evidence: Evidence) -> Strings:
 
 def _amplitude(predicted: Floats) -> Strings:
     at = np.digitize(predicted, _AMPLITUDES[1:-1])
-    names = ["below 5", "5-15", "15-30", "30-45", "45-60", "above 60"]
-    return np.array([f"{names[i]} deg" for i in at])
+    return np.array([_DEGREES[i] for i in at])
 
 
 def _direction(evidence: Evidence, predicted: Floats) -> Strings:

@@ -75,7 +75,7 @@ def fast_line(evidence: Evidence) -> Pickup:
 
 
 def _fast(evidence: Evidence) -> tuple[float, list[Floats]]:
-    """What the angle does within the averaging steps, on a uniform grid with NaN in its gaps."""
+    """Take what the angle does within the averaging steps: on a uniform grid, NaN in its gaps."""
     grid = evidence.grid
     interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in grid.trials])))
     pieces = []
@@ -84,7 +84,7 @@ def _fast(evidence: Evidence) -> tuple[float, list[Floats]]:
         t = trial.t_s[good]
         smooth = np.interp(t, grid.time_s[rows], grid.angle_deg[rows])
         dense = np.interp(t, grid.time_s[rows], grid.counts[rows]) >= _FEWEST
-        piece = np.full(int(round(t[-1] / interval)) + 1, np.nan)
+        piece = np.full(round(t[-1] / interval) + 1, np.nan)
         piece[np.rint(t[dense] / interval).astype(int)] = (trial.angle_deg[good] - smooth)[dense]
         pieces.append(piece[:_PADDED] - np.nanmean(piece) if dense.any() else piece[:_PADDED])
     return 1.0 / interval, pieces

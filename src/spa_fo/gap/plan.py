@@ -28,6 +28,7 @@ SEPARABLE = 0.3
 _CLEAR = 2.0  # noise floors of the mean of all runs
 _RUNS = (3, 12)
 _RICH = "rich"
+_MOST_NAMED = 3  # pairs in a sentence
 _MOST_RIVALS = 4  # that a diagnosis plans for
 
 
@@ -159,7 +160,7 @@ def recommendation(made: Plan) -> str:
     sentences = []
     if made.separable:
         score = made.smallest(made.after[0])
-        apart = _and([_versus(made, k) for k in made.separable])
+        apart = _apart(made)
         times = "" if made.best.repeats > 1 else f", {runs(score)} runs"
         sentences.append(
             f"{_capital(made.best.words)}{times}: it would separate {apart} by {score:.1f} noise "
@@ -181,6 +182,17 @@ def _remedy(made: Plan, pair: int) -> str:
     if not made.bench.tapped and tapped >= SEPARABLE:
         gain = f" With a pressure tap they differ by {tapped:.1f} noise floors ({profile.name})."
     return f"No pressure profile separates {_versus(made, pair)}: {'; or '.join(words)}.{gain}"
+
+
+def _apart(made: Plan) -> str:
+    """Name the pairs that the profile is for; every pair where none can be separated."""
+    chosen = made.separable or tuple(range(len(made.pairs)))
+    if len(chosen) <= _MOST_NAMED:
+        return _and([_versus(made, k) for k in chosen])
+    everything = f"all of {_and([one.label for one in made.rivals])}"
+    if len(chosen) == len(made.pairs):
+        return everything
+    return f"{everything} except {_and([_versus(made, k) for k in made.inseparable])}"
 
 
 def _versus(made: Plan, pair: int) -> str:
@@ -268,9 +280,7 @@ def advise(
     """
     if standing.kind == "ambiguous":
         made = plan(standing.rivals, bench, limits, names)
-        apart = made.separable or range(len(made.pairs))
-        purpose = f"to tell {_and([_versus(made, k) for k in apart])}"
-        return Advice(recommendation(made), made.best, purpose, made)
+        return Advice(recommendation(made), made.best, f"to tell {_apart(made)}", made)
     if standing.kind == "cause":
         return _confirmation(standing, bench, limits, names)
     richest = _richest(limits)

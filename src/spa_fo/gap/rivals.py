@@ -171,13 +171,13 @@ class _Reader:
         if isinstance(floor, bool) or not isinstance(floor, int | float) or not floor > 0.0:
             self.refuse("gap.noise_floor_deg", f"expected a positive number, found {floor!r}")
         evidence = document.get("evidence")
-        misses = evidence.get("misses", ()) if isinstance(evidence, Mapping) else ()
+        misses = evidence.get("misses") if isinstance(evidence, Mapping) else None
         return Standing(
             kind=kind,
             rivals=tuple(self._rival(ids, causes) for ids in sets),
             plain=self._plain(causes),
             floor_deg=float(floor),
-            misses=tuple(str(text) for text in misses),
+            misses=tuple(map(str, misses)) if isinstance(misses, list) else (),
         )
 
     def _document(self) -> Mapping[str, Any]:

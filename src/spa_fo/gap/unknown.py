@@ -27,8 +27,8 @@ _OF_FLOOR_EXACT, _OF_EXPLAINED_EXACT = 0.07, 0.02
 _OF_PICKUP = 0.5
 _FIXTURE_DEG, _OF_FIXTURE = 0.12, 0.4
 _OF_PRESSURE = 0.2
-_DRIFT_DEG, _OF_DRIFT = 0.15, 0.25
-# A trend counts where it moves the angle by this part of the floor, and is this many times its error.
+_DRIFT_DEG, _OF_DRIFT = 0.3, 0.25
+# A trend counts where it moves the angle by this part of the floor and is so many errors large.
 _SWING, _CERTAIN, _FEWEST_TRIALS = 0.2, 4.5, 8
 _SHARPNESS = 4.0
 _MADE_UP_BY_SHIFT = 0.6
@@ -64,9 +64,9 @@ def stress(scored: Scored, candidates: Candidates, floor_deg: float) -> Stress:
     evidence = candidates.evidence
     explained = float(np.sqrt(sum(size**2 for size in scored.moved_deg.values())))
     of_floor, of_explained = _OF_FLOOR, _OF_EXPLAINED
-    if scored.explanation.ids == ("parameter_shift",):
+    if scored.named == ("parameter_shift",):
         of_floor, of_explained = _OF_FLOOR_EXACT, _OF_EXPLAINED_EXACT
-    if "mains_pickup" in scored.explanation.ids:
+    if "mains_pickup" in scored.named:
         of_explained = _OF_PICKUP
     angle = scored.leftover_deg / float(np.hypot(of_floor * floor_deg, of_explained * explained))
     fixture = 0.0
@@ -113,7 +113,7 @@ def unknown_probability(
             continue
         loud = stress(s, candidates, floor_deg).largest[1]
         own = loud**_SHARPNESS / (1.0 + loud**_SHARPNESS)
-        if "parameter_shift" in s.explanation.ids and len(s.explanation.ids) > 1:
+        if "parameter_shift" in s.named and len(s.named) > 1:
             own = max(own, _MADE_UP_BY_SHIFT)
         total += s.probability * own
     return min(total, 0.999), stress(scored[0], candidates, floor_deg)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from spa_fo.gap.candidates import RELEVANT, Candidates, Ids
 from spa_fo.gap.evidence import Evidence
 from spa_fo.gap.explanation import Explanation, combined, simulate
+from spa_fo.gap.floor import repeats
 from spa_fo.plant.effects.library import IDS, LIBRARY
 
 Floats = NDArray[np.float64]
@@ -49,7 +50,9 @@ class Scored:
     Attributes
     ----------
     explanation : Explanation
-        The explanation.
+        The explanation, with effects too small to be named.
+    named : tuple of str
+        Its effects that move the angle by more than a small part of the noise floor.
     moved_deg : dict
         RMS by which each of its effects moves the angle.
     leftover_deg : float
@@ -63,6 +66,7 @@ class Scored:
     """
 
     explanation: Explanation
+    named: Ids
     moved_deg: dict[str, float]
     leftover_deg: float
     fixture_deg: float
@@ -102,9 +106,7 @@ class Verdict:
     @property
     def none(self) -> float:
         """Probability of no gap."""
-        return sum(s.probability for s in self.scored if not s.explanation.ids) * (
-            1.0 - self.unknown
-        )
+        return sum(s.probability for s in self.scored if not s.named) * (1.0 - self.unknown)
 
 
 def log_prior(ids: Ids) -> float:
@@ -119,20 +121,26 @@ def log_prior(ids: Ids) -> float:
 
 
 def weigh(candidates: Candidates, floor_deg: float) -> list[Scored]:
-    """Give every explanation its probability; sets with an idle member are left out."""
+    """Give every explanation its probability."""
     evidence = candidates.evidence
     whole = combined(candidates)
     score = {e.ids: TEMPER * e.log_evidence + log_prior(e.ids) for e in whole}
     best = max(score.values())
     near = [e for e in whole if score[e.ids] > best - TEMPER * _SHORTLIST or not e.ids]
     moved = {e.ids: moved_by(e, candidates) for e in near}
-    kept = [e for e in near if all(size >= RELEVANT * floor_deg for size in moved[e.ids].values())]
+    # An idle member is no part of the answer: of sets that are then the same, the best counts.
+    best_of: dict[Ids, Explanation] = {}
+    for e in sorted(near, key=lambda e: -score[e.ids]):
+        active = tuple(n for n in e.ids if moved[e.ids][n] >= RELEVANT * floor_deg)
+        best_of.setdefault(active, e)
+    kept = list(best_of.values())
     weights = np.array([score[e.ids] for e in kept])
     weights = np.exp(weights - weights.max())
     weights /= weights.sum()
     found = [
         Scored(
             explanation=e,
+            named=named,
             moved_deg=moved[e.ids],
             leftover_deg=leftover(evidence, e.fit.residual_deg),
             fixture_deg=_fixture_leftover(evidence, e),
@@ -141,7 +149,7 @@ def weigh(candidates: Candidates, floor_deg: float) -> list[Scored]:
             else float(np.sqrt(np.mean(e.drive.missed_kpa[evidence.used] ** 2))),
             probability=float(weight),
         )
-        for e, weight in zip(kept, weights, strict=True)
+        for (named, e), weight in zip(best_of.items(), weights, strict=True)
     ]
     return sorted(found, key=lambda s: -s.probability)
 
@@ -168,23 +176,14 @@ def moved_by(explanation: Explanation, candidates: Candidates) -> dict[str, floa
 
 def leftover(evidence: Evidence, residual: Floats) -> float:
     """RMS of what repeats in a residual, noise taken off, deg."""
-    grid = evidence.grid
-    groups: dict[int, list[int]] = {}
-    for trial in np.flatnonzero(evidence.takes_part).tolist():
-        groups.setdefault(int(evidence.support_index[trial][0]), []).append(trial)
     square = count = 0.0
-    for trials in groups.values():
-        rows = evidence.rows[trials[0]]
-        time = grid.time_s[rows]
-        every = np.array(
-            [
-                np.interp(time, grid.time_s[evidence.rows[i]], residual[evidence.rows[i]])
-                for i in trials
-            ]
-        )
-        noise = evidence.variance[rows] / len(trials)
-        square += float(np.sum(every.mean(axis=0) ** 2 - noise))
-        count += rows.size
+    for repeated in repeats(evidence, residual, evidence.takes_part):
+        seen = np.isfinite(repeated.values)
+        number = seen.sum(axis=0)
+        mean = np.where(seen, repeated.values, 0.0).sum(axis=0) / np.maximum(number, 1)
+        noise = evidence.variance[repeated.rows] / np.maximum(number, 1)
+        square += float(np.sum((mean**2 - noise)[number > 0]))
+        count += float(np.count_nonzero(number))
     return float(np.sqrt(max(square / count, 0.0)))
 
 
@@ -208,9 +207,7 @@ def beating(scored: Sequence[Scored], errors: dict[Ids, float], plain: float) ->
     plain : float
         That of the plain model, deg.
     """
-    kept = [
-        s for s in scored if not s.explanation.ids or errors.get(s.explanation.ids, -1.0) < plain
-    ]
+    kept = [s for s in scored if not s.named or errors.get(s.named, -1.0) < plain]
     total = sum(s.probability for s in kept)
     if total <= 0.0:
         return list(scored)
@@ -233,7 +230,7 @@ def judge(scored: Sequence[Scored], unknown: float, p_value: float, significant:
         Whether there is a gap at all.
     """
     kind: Kind
-    named = [s for s in scored if s.explanation.ids]
+    named = [s for s in scored if s.named]
     if not significant:
         return Verdict("no_gap", (), tuple(scored), unknown, p_value)
     total = sum(s.probability for s in named)
@@ -242,7 +239,7 @@ def judge(scored: Sequence[Scored], unknown: float, p_value: float, significant:
     for s in named:
         if standing and (held >= COVERED * total or s.probability < _LEAST * total):
             break
-        standing.append(s.explanation.ids)
+        standing.append(s.named)
         held += s.probability
     if unknown > 0.5:
         kind = "unknown"

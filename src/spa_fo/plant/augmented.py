@@ -175,10 +175,9 @@ def _run(model: Model, trials: Sequence[Trial], memory: Memory, source: Source) 
     pressure = driven if model.signal == "pressure" else None
     chain = chain_for(grid, x, model.reference_kpa, pressure, memory)
     seat = _seat(model, source)
-    if math.isnan(memory.ends_s):
-        chain = chain.seated(seat)
-    else:  # the film is as the last trial left it
-        chain = replace(chain, seat=seat)
+    # After an earlier campaign the film is as its last trial left it.
+    fresh = math.isnan(memory.ends_s)
+    chain = chain.seated(seat) if fresh else replace(chain, seat=seat)
     reading, after = chain.readings(x, effects)
     return _Run(chain, effects, reading, after)
 

@@ -51,7 +51,7 @@ def move(
     stops: Floats,
     virgin: Floats,
 ) -> Floats:
-    """True angle (rad) at the end of each step.
+    """Step the true angle (rad) to the end of each step.
 
     Parameters
     ----------

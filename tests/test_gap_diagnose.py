@@ -1,0 +1,85 @@
+"""The diagnosis end to end, on small sealed cases of the virtual rig."""
+
+import json
+
+import pytest
+
+from spa_fo.gap import diagnose_campaign
+from spa_fo.plant.effects.library import IDS
+from spa_fo.virtual_rig.blind_build import Case, build, model_document
+
+
+def written(folder, case):
+    files, _ = build(case)
+    for name, data in files.items():
+        path = folder / "campaign" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    (folder / "model.json").write_text(json.dumps(model_document(case)))
+    return folder
+
+
+def run(folder, out, **options):
+    diagnose_campaign(folder / "campaign", folder / "model.json", out, **options)
+    return json.loads((out / "diagnosis.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def hysteresis(tmp_path_factory):
+    case = Case(
+        "case_0001", 21, "closed", ("hysteresis",), form="b", sizes=(4.0,), protocol="up_steps"
+    )
+    folder = written(tmp_path_factory.mktemp("hysteresis"), case)
+    return folder, run(folder, folder / "out")
+
+
+def check_contract(document):
+    assert document["schema"] == "spa-fo/diagnosis/1"
+    assert sum(cause["probability"] for cause in document["causes"]) == pytest.approx(1.0)
+    sets = [tuple(cause["set"]) for cause in document["causes"]]
+    assert {("none",), ("unknown",)} <= set(sets)
+    assert len(sets) == len(set(sets))
+    assert all(set(ids) <= {*IDS, "none", "unknown"} for ids in sets)
+    stages = document["where"]["stage"]
+    significant = document["gap"]["significant"]
+    assert sum(stages.values()) == pytest.approx(1.0 if significant else 0.0)
+
+
+def test_hysteresis_is_among_the_sets_and_closes_the_gap(hysteresis):
+    _, document = hysteresis
+    check_contract(document)
+    assert ["hysteresis"] in document["verdict"]["sets"]
+    assert document["where"]["stage"]["actuator"] > 0.8
+    shrink = document["shrink"]
+    assert shrink["after_rmse_deg"] < shrink["before_rmse_deg"]
+    low, high = shrink["ci95"]
+    assert low <= shrink["fraction_closed"] <= high
+
+
+def test_same_seed_same_answer(hysteresis):
+    folder, document = hysteresis
+    assert run(folder, folder / "again") == document
+
+
+def test_without_hysteresis_in_the_library_it_is_never_named(hysteresis):
+    folder, _ = hysteresis
+    document = run(folder, folder / "without", exclude=["hysteresis"])
+    check_contract(document)
+    assert not any("hysteresis" in cause["set"] for cause in document["causes"])
+
+
+def test_no_effect_is_no_gap(tmp_path):
+    folder = written(tmp_path, Case("case_0002", 22, protocol="up_steps"))
+    document = run(folder, tmp_path / "out")
+    check_contract(document)
+    assert document["verdict"] == {"kind": "no_gap", "sets": [], "next_experiment": None}
+    assert document["shrink"] is None
+    model = json.loads((tmp_path / "out" / "augmented_model.json").read_text())
+    assert model["effects"] == []
+
+
+def test_leak_is_told_by_the_pressure(tmp_path):
+    case = Case("case_0003", 23, "closed", ("leak",), sizes=(4.0,), protocol="up_steps")
+    document = run(written(tmp_path, case), tmp_path / "out")
+    assert document["verdict"]["sets"][0] == ["leak"]
+    assert document["where"]["stage"]["drive"] > 0.8

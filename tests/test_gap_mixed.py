@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+
+import naive_gap
+from spa_fo.gap.mixed import Block, Prior, normal_equations, solve
+
+
+def problem(seed, trials=4, rows=15):
+    """Blocks with two shared columns and one of their own each."""
+    rng = np.random.default_rng(seed)
+    blocks, dense, residuals, noises = [], [], [], []
+    for i in range(trials):
+        columns = rng.standard_normal((rows, 3))
+        index = np.array([0, 1, 2 + i])
+        noise = rng.uniform(0.5, 2.0, rows)
+        residual = rng.standard_normal(rows) * 2.0
+        blocks.append(Block(residual, 1.0 / noise, columns, index))
+        full = np.zeros((rows, 2 + trials))
+        full[:, index] = columns
+        dense.append(full)
+        residuals.append(residual)
+        noises.append(noise)
+    return blocks, np.vstack(dense), np.concatenate(residuals), np.concatenate(noises)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_evidence_and_posterior_are_those_of_the_full_covariance(seed):
+    blocks, dense, residual, noise = problem(seed)
+    size = dense.shape[1]
+    mean = np.linspace(-0.5, 0.5, size)
+    group = np.array([-1, -1] + [0] * (size - 2))
+    scale = np.array([0.7])
+    variance = np.array([2.0, 0.3] + [np.nan] * (size - 2))
+    found = solve(
+        normal_equations(blocks, size), Prior(mean, variance, group, scale), scale**2, rounds=0
+    )
+    known = np.where(group < 0, variance, scale[0] ** 2)
+    expected, covariance = naive_gap.posterior(residual, noise, dense, mean, known)
+    np.testing.assert_allclose(found.coefficients, expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.covariance(), covariance, rtol=1e-8, atol=1e-12)
+    # At its scale the variance's own prior adds nothing.
+    naive = naive_gap.log_evidence(residual, noise, dense, mean, known)
+    assert found.log_evidence == pytest.approx(naive, rel=1e-10)
+
+
+def test_variance_of_a_group_is_found():
+    rng = np.random.default_rng(5)
+    trials, rows, true = 60, 20, 1.5
+    blocks = []
+    for i in range(trials):
+        own = true * rng.standard_normal()
+        residual = own + 0.3 * rng.standard_normal(rows)
+        blocks.append(Block(residual, np.full(rows, 1 / 0.09), np.ones((rows, 1)), np.array([i])))
+    prior = Prior(np.zeros(trials), np.ones(trials), np.zeros(trials, int), np.array([0.5]))
+    found = solve(normal_equations(blocks, trials), prior, np.array([0.25]), rounds=40)
+    assert np.sqrt(found.variances[0]) == pytest.approx(true, rel=0.2)
+
+
+def test_more_rounds_never_lower_the_evidence():
+    blocks, dense, _, _ = problem(7, trials=8)
+    size = dense.shape[1]
+    group = np.array([-1, -1] + [0] * (size - 2))
+    prior = Prior(np.zeros(size), np.ones(size), group, np.array([0.2]))
+    normal = normal_equations(blocks, size)
+    evidence = [solve(normal, prior, np.array([0.04]), rounds=k).log_evidence for k in range(6)]
+    assert np.all(np.diff(evidence) > -1e-6)
