@@ -17,7 +17,6 @@ from spa_fo.gap.diagnosis import (
     Cause,
     Diagnosis,
     Gap,
-    Shrink,
     Traces,
     Where,
     write_diagnosis,
@@ -25,13 +24,13 @@ from spa_fo.gap.diagnosis import (
 from spa_fo.gap.drive import fit_drive
 from spa_fo.gap.evidence import Evidence, angle_chain, collect
 from spa_fo.gap.explain import AngleProblem, to_z
-from spa_fo.gap.explanation import Explanation, augmented_model, seat_of, simulate
+from spa_fo.gap.explanation import Explanation, augmented_model, simulate
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse, shrink
 from spa_fo.gap.locate import shares
 from spa_fo.gap.plan import next_experiment
 from spa_fo.gap.unknown import Stress, unknown_probability
-from spa_fo.gap.verdict import Scored, Verdict, beating, judge, leftover, stage_shares, weigh
+from spa_fo.gap.verdict import Scored, Verdict, beating, judge, stage_shares, weigh
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
 from spa_fo.plant.effects.library import IDS, LIBRARY
@@ -48,6 +47,8 @@ _PART_EXPLAINED = 0.5  # of the gap, held out: less is nothing explained
 _BY_CHANCE = {"mains_pickup", "sensor_slip"}  # phases and jumps that nobody can foretell
 _WORTH_TESTING = 0.01  # probability from which an explanation's predictions are tried
 _FREE_FORM_DEG = 2.0  # typical size of a correction without physics
+_UNLIKE = ("triangle", "free", "staircase", "hold", "step_release", "step")
+_LEADING = 4  # explanations that are chosen from without a protocol
 _RUNGS = 6  # explanations whose held-out error is computed
 
 
@@ -180,11 +181,16 @@ def diagnose(
         shrunk = shrink(everything, held, curves, floor, rng)
         if verdict.kind == "unknown" and shrunk.fraction_closed < _PART_EXPLAINED:
             verdict, shrunk = replace(verdict, sets=()), None
+        else:
+            progress("predicting a protocol that took no part")
+            protocol = _without_protocol(candidates, everything, verdict, curves["plain"], floor)
+            shrunk = replace(shrunk, protocol=protocol)
 
     explained = bool(verdict.sets)
     if explained:
         progress("fitting the explanation once more, to all trials")
-    final = _refit(candidates, everything, chosen) if explained else None
+    every = replace(candidates.evidence, takes_part=np.ones_like(held.trials))
+    final = _refit(candidates, every, chosen) if explained else None
     if not explained:
         curves["explained"] = curves["plain"]
     model = plain
@@ -327,7 +333,46 @@ def _curves(candidates: Candidates, everything: Evidence, chosen: Explanation) -
     }
 
 
-def _refit(candidates: Candidates, everything: Evidence, chosen: Explanation) -> Explanation:
+def _without_protocol(
+    candidates: Candidates,
+    everything: Evidence,
+    verdict: Verdict,
+    plain_deg: Floats,
+    floor_deg: float,
+) -> dict[str, Any] | None:
+    """Choose among the leading explanations and fit them without one protocol; predict that one.
+
+    The protocol is the one least like the others: what was fitted to steps may fail on a triangle.
+    """
+    grid = everything.grid
+    names = [trial.experiment for trial in grid.trials]
+    protocol = {trial.experiment: trial.protocol for trial in grid.trials}
+    if len(protocol) < 2:
+        return None
+    left_out = min(protocol, key=lambda name: _UNLIKE.index(protocol[name]))
+    out = np.array([name == left_out for name in names])
+    evidence = replace(candidates.evidence, takes_part=~out)
+    fitted = [
+        _refit(candidates, evidence, s.explanation) for s in verdict.scored[:_LEADING] if s.named
+    ]
+    best = max(
+        fitted,
+        key=lambda e: e.fit.log_evidence + (e.drive.log_evidence if e.drive is not None else 0.0),
+    )
+    where = out[grid.sample_trial]
+    before = rmse(everything, plain_deg, where)
+    after = rmse(everything, simulate(best, everything), where)
+    gap = max(before**2 - floor_deg**2, 1e-6)
+    return {
+        "held_out_on": f"{left_out}: {int(out.sum())} trials",
+        "set": list(best.ids),
+        "before_rmse_deg": before,
+        "after_rmse_deg": after,
+        "fraction_closed": 1.0 - max(after**2 - floor_deg**2, 0.0) / gap,
+    }
+
+
+def _refit(candidates: Candidates, evidence: Evidence, chosen: Explanation) -> Explanation:
     """Fit the chosen explanation once more, to all trials."""
     evidence = replace(candidates.evidence, takes_part=np.ones_like(candidates.evidence.takes_part))
     fit = chosen.fit
@@ -343,7 +388,7 @@ def _refit(candidates: Candidates, everything: Evidence, chosen: Explanation) ->
         pickup_hz=pickup_hz,
     )
     drive = chosen.drive
-    if drive is not None and drive.ids:
+    if drive is not None:
         drive = fit_drive(evidence, drive.ids)
     return replace(chosen, fit=problem.fit(fit.searched), drive=drive)
 
@@ -562,14 +607,3 @@ def _traces(
         fixture_deg=empty if fixture is None else fixture.deviation_deg,
         fixture_explained_deg=explained,
     )
-
-
-__all__ = [
-    "Shrink",
-    "diagnose",
-    "diagnose_campaign",
-    "diagnose_files",
-    "leftover",
-    "seat_of",
-    "write_files",
-]

@@ -6,7 +6,7 @@ calibrated curve and a model discrepancy being integrated out (`mixed`). The evi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -515,7 +515,4 @@ def _limited(step: Floats, spread: Floats) -> Floats:
 
 def best_fit(fits: Sequence[Fit]) -> Fit:
     """Return the fit of largest evidence."""
-    return max(fits, key=_evidence)
-
-
-_evidence: Callable[[Fit], float] = lambda fit: fit.log_evidence  # noqa: E731
+    return max(fits, key=lambda fit: fit.log_evidence)
