@@ -84,7 +84,7 @@ limits = st.builds(
 
 
 @given(limits)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_profiles_keep_to_their_limits(allowed: Limits) -> None:
     for profile in family(allowed):
         time, pressure = np.array(profile.time_s), np.array(profile.pressure_kpa)
