@@ -40,7 +40,7 @@ _CAPTIONS = {
     "before_after": "Each experiment measured and modelled, and what is missed before and after; "
     "the band is the noise floor, the faint lines are the other trials.",
     "ladder": "The ladder of explanations: error on trials that took no part, and probability. The "
-    "explanations that stand are red.",
+    "explanations that stand are orange-red.",
     "stages": "Between the stages: measured pressure against the command, and the sensor in the "
     "calibration fixture.",
 }
@@ -361,6 +361,14 @@ def _shrink(diagnosis: Diagnosis) -> Iterator[str]:
         [(name, f"{value:.2f}") for name, value in rows if value is not None],
         ":--|--:",
     )
+    if shrink.protocol is not None:
+        other = shrink.protocol
+        yield (
+            f"On a protocol that took no part ({other['held_out_on']}; chosen among the leading "
+            f"explanations and fitted without it: {phrase(other['set'])}): "
+            f"{other['before_rmse_deg']:.2f}° → {other['after_rmse_deg']:.2f}°, "
+            f"{percent(other['fraction_closed'])} of the gap closed."
+        )
 
 
 def _where(diagnosis: Diagnosis) -> Iterator[str]:
