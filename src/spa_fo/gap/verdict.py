@@ -254,7 +254,7 @@ def stage_shares(verdict: Verdict) -> dict[str, float]:
     shares = {"drive": 0.0, "actuator": 0.0, "sensor": 0.0, "acquisition": 0.0}
     for s in verdict.scored:
         squares = {name: size**2 for name, size in s.moved_deg.items()}
-        total = sum(squares.values())
+        total = max(sum(squares.values()), 1e-30)
         for name, square in squares.items():
             shares[LIBRARY[name].stage] += s.probability * square / total
     total = sum(shares.values())
