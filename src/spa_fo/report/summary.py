@@ -189,7 +189,7 @@ def _diagnosis_part(material: PublishedMaterial) -> Iterator[str]:
     yield f"**{answer}** {sizes}"
     following = material.diagnosis["verdict"]["next_experiment"]
     if following:
-        yield f"What would decide: {following.rstrip('.')}."
+        yield f"Next: {following}"
     yield f"The page of this diagnosis: [{_PAGE}]({material.name}/{_PAGE})."
 
 
