@@ -1,0 +1,101 @@
+"""Cost of the simulator with effects and of a whole diagnosis, in one run.
+
+The simulator runs a whole campaign, memory and all; times are the least of the repeats, as ratios
+to the plain chain, beside the virtual rig (another solver, at 1 kHz) on a campaign of the same
+length. A diagnosis is that of the committed campaigns, compiled beforehand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from tabulate import tabulate
+
+from spa_fo.atomic import write_text
+from spa_fo.gap import diagnose
+from spa_fo.gap.evidence import angle_chain, collect
+from spa_fo.identify import fit_campaign
+from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.rig import CampaignData, read_campaign, read_trials
+from spa_fo.virtual_rig.actuators import PLANS
+from spa_fo.virtual_rig.campaign_writer import write_campaign
+
+RAW = Path(__file__).parents[1] / "raw"
+
+
+def least(run: Callable[[], object], repeats: int) -> float:
+    run()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def simulator(data: CampaignData, repeats: int) -> str:
+    evidence = collect(data)
+    x = fit_campaign(data, bootstrap=0).model.transfer_function.as_array()
+    chain = angle_chain(evidence, x, None)
+    rows = [("plain", least(lambda: chain.run(x, absent()), repeats))]
+    every = absent()
+    for name, effect in LIBRARY.items():
+        one = absent()
+        values = [p.starts[0] if p.starts else p.centre for p in effect.parameters]
+        one[effect.slots] = values
+        every[effect.slots] = values
+        if effect.parameters and name != "mains_pickup":
+            rows.append((name, least(lambda one=one: chain.run(x, one), repeats)))
+    rows.append(("all together", least(lambda: chain.run(x, every), repeats)))
+    with tempfile.TemporaryDirectory() as scratch:
+        count = iter(range(100))
+
+        def rig() -> None:
+            write_campaign(PLANS[data.campaign.name], 1, Path(scratch) / f"rig_{next(count)}")
+
+        rows.append(("virtual rig, logs written", least(rig, 2)))
+    plain = rows[0][1]
+    seconds = sum(float(trial.t_s[-1]) for trial in data.trials)
+    table = [(name, f"{1e3 * t:.3g}", f"{t / plain:.3g}") for name, t in rows]
+    head = f"{data.campaign.name}: {len(data.trials)} trials, {seconds:.0f} s of log\n\n"
+    return head + tabulate(table, ("effect", "ms a campaign", "time ratio"), tablefmt="github")
+
+
+def diagnosis(repeats: int) -> str:
+    rows = []
+    for name in PLANS:
+        data = read_trials(read_campaign(RAW / name))
+        plain = fit_campaign(data, bootstrap=0).model
+        fit = least(lambda data=data: fit_campaign(data, bootstrap=0), repeats)
+        whole = least(lambda data=data, plain=plain: diagnose(data, plain), repeats)
+        rows.append((name, f"{fit:.2f}", f"{whole:.1f}", f"{whole / fit:.3g}"))
+    head = ("campaign", "fit (s)", "diagnosis, sets of up to 5 effects (s)", "time ratio")
+    return tabulate(rows, head, tablefmt="github")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    np.seterr(all="raise", under="ignore")
+    text = (
+        f"{platform.machine()}, Python {platform.python_version()}\n\n### Simulator\n\n"
+        f"{simulator(read_trials(read_campaign(RAW / 'dragon_skin_20')), given.repeats)}\n\n"
+        f"### Diagnosis\n\n{diagnosis(min(given.repeats, 2))}\n"
+    )
+    print(text)
+    if given.out:
+        write_text(given.out, text)
+
+
+if __name__ == "__main__":
+    main()
