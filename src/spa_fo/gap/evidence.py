@@ -25,6 +25,7 @@ _BINNING_DEG = 0.03  # error of averaging a curve over a step
 _TIMING_S = 0.003  # error of one sample's time
 _DISCREPANCY_SPACING = 9  # averaged samples from one support of the discrepancy to the next
 _LONGEST_SPACING_S = 3.0
+_MOST_SUPPORTS = 220
 _CURVE_FLOOR_DEG = 0.08
 _FORM_ERROR = 0.04  # part of an effect that a right but foreign form misses
 _NEIGHBOURS = 7  # averaged samples
@@ -290,11 +291,12 @@ def _rates(grid: CampaignGrid, rows: list[Integers]) -> Floats:
 
 
 def _supports(
-    grid: CampaignGrid, experiment: Integers, rows: list[Integers]
+    grid: CampaignGrid, experiment: Integers, rows: list[Integers], coarser: float = 1.0
 ) -> tuple[list[Floats], list[Integers], int]:
     """Lay hats over the averaged samples of each trial, shared within an experiment.
 
-    Trials of one experiment whose commands do not run alike have hats of their own.
+    Trials of one experiment whose commands do not run alike have hats of their own. Long logs get
+    wider ones: the cost of a fit goes with the third power of their number.
     """
     hats: list[Floats] = []
     index: list[Integers] = []
@@ -305,13 +307,15 @@ def _supports(
         group = int(experiment[i])
         shared = first_of.get(group)
         if shared is None or not _alike(shared[2], _drive(grid, i)):
-            knots = _knots(time)
+            knots = _knots(time, coarser)
             shared = (total, knots, _drive(grid, i))
             first_of.setdefault(group, shared)
             total += knots.size
         first, knots, _ = shared
         hats.append(np.array([np.interp(time, knots, row) for row in np.eye(knots.size)]).T)
         index.append(first + np.arange(knots.size))
+    if total > _MOST_SUPPORTS and coarser == 1.0:
+        return _supports(grid, experiment, rows, total / _MOST_SUPPORTS)
     return hats, index, total
 
 
@@ -329,12 +333,13 @@ def _alike(one: Floats, other: Floats) -> bool:
     return float(np.mean(np.abs(one[:n] - other[:n]))) < 0.03 * size
 
 
-def _knots(time: Floats) -> Floats:
+def _knots(time: Floats, coarser: float) -> Floats:
+    samples, seconds = coarser * _DISCREPANCY_SPACING, coarser * _LONGEST_SPACING_S
     knots = [time[0]]
     since = 0
     for value in time[1:]:
         since += 1
-        if since >= _DISCREPANCY_SPACING or value - knots[-1] > _LONGEST_SPACING_S:
+        if since >= samples or value - knots[-1] > seconds:
             knots.append(value)
             since = 0
     if time[-1] > knots[-1]:
