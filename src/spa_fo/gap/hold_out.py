@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 _MOST = 0.3  # of the trials
 _DRAWS = 2000
 _LEAST_HALF_WIDTH = 0.04
+_PIECES = 8  # of a lone held-out trial
 
 
 @dataclass(frozen=True)
@@ -92,16 +93,17 @@ def shrink(
         For the bootstrap over trials.
     """
     where = judged(evidence, held)
-    trial = evidence.grid.sample_trial
-    trials = np.unique(trial[where])
-    weights = np.array([evidence.grid.counts[trial == i].sum() for i in trials])
+    unit = _units(evidence, where)
+    trials = np.unique(evidence.grid.sample_trial[where])
+    draw_of = np.unique(unit[where])
+    weights = np.array([evidence.grid.counts[unit == i].sum() for i in draw_of])
 
-    def by_trial(name: str) -> Floats:
+    def by_unit(name: str) -> Floats:
         squares = _squares(evidence, curves[name]) * evidence.grid.counts
-        return np.array([squares[trial == i].sum() for i in trials])
+        return np.array([squares[unit == i].sum() for i in draw_of])
 
-    before, after = by_trial("plain"), by_trial("explained")
-    draws = rng.integers(trials.size, size=(_DRAWS, trials.size))
+    before, after = by_unit("plain"), by_unit("explained")
+    draws = rng.integers(draw_of.size, size=(_DRAWS, draw_of.size))
     total = weights[draws].sum(axis=1)
     closed = _closed(before[draws].sum(axis=1) / total, after[draws].sum(axis=1) / total, floor_deg)
     whole = float(_closed(before.sum() / weights.sum(), after.sum() / weights.sum(), floor_deg))
@@ -118,8 +120,23 @@ def shrink(
         ceiling_rmse_deg=rmse(evidence, curves["ceiling"], where),
         noise_floor_deg=floor_deg,
         fraction_closed=min(whole, 1.0),
-        ci95=(float(max(low, -1.0)), float(min(high, 1.0))),
+        ci95=(float(max(low, min(whole, -1.0))), float(min(high, 1.0))),
     )
+
+
+def _units(evidence: Evidence, where: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Number what the bootstrap draws: trials, or pieces of a lone one, sample by sample.
+
+    Elsewhere than in `where` it is -1.
+    """
+    unit = np.where(where, evidence.grid.sample_trial, -1)
+    trials = np.unique(unit[where])
+    if trials.size == 1:
+        rows = evidence.rows[int(trials[0])]
+        time = evidence.grid.time_s[rows]
+        share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-9)
+        unit[rows] = np.minimum((_PIECES * share).astype(np.int64), _PIECES - 1)
+    return unit
 
 
 def _closed(before: Floats, after: Floats, floor_deg: float) -> Floats:

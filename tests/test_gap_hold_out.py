@@ -1,0 +1,63 @@
+"""How far the gap closes on held-out trials: the fraction and its interval."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from spa_fo.gap.diagnosis import Shrink
+from spa_fo.gap.hold_out import HeldOut, shrink
+
+SAMPLES = 80
+FLOOR = 0.5
+
+
+def measured(errors: dict[str, np.ndarray], trials: int) -> Shrink:
+    """Shrink of `trials` held-out trials whose models miss a measured zero by `errors`."""
+    trial = np.repeat(np.arange(trials), SAMPLES)
+    grid = SimpleNamespace(
+        sample_trial=trial,
+        counts=np.ones(trial.size),
+        angle_deg=np.zeros(trial.size),
+        time_s=np.tile(np.linspace(0.0, 8.0, SAMPLES), trials),
+    )
+    rows = [np.flatnonzero(trial == i) for i in range(trials)]
+    evidence: Any = SimpleNamespace(grid=grid, noise_deg=0.0, rows=rows)
+    curves = {"refit": errors["plain"], "ceiling": errors["explained"]} | errors
+    held = HeldOut(np.ones(trials, dtype=bool), "all")
+    return shrink(evidence, held, curves, FLOOR, np.random.default_rng(1))
+
+
+def missing(*by_trial: float) -> np.ndarray:
+    return np.repeat(by_trial, SAMPLES)
+
+
+def test_the_fraction_is_that_of_the_squares_above_the_floor() -> None:
+    found = measured({"plain": missing(2, 2, 2), "explained": missing(1, 1, 1)}, 3)
+    assert found.fraction_closed == pytest.approx(1 - (1 - FLOOR**2) / (4 - FLOOR**2))
+    assert (found.before_rmse_deg, found.after_rmse_deg) == (2.0, 1.0)
+
+
+def test_trials_that_disagree_widen_the_interval() -> None:
+    alike = measured({"plain": missing(2, 2, 2), "explained": missing(1, 1, 1)}, 3)
+    apart = measured({"plain": missing(2, 2, 2), "explained": missing(0.6, 0.6, 1.6)}, 3)
+    width = [high - low for low, high in (alike.ci95, apart.ci95)]
+    assert width[1] > 2 * width[0]
+
+
+def test_a_lone_trial_that_is_explained_in_parts_has_a_wide_interval() -> None:
+    in_parts = np.where(np.arange(SAMPLES) < SAMPLES // 2, 0.5, 1.5)
+    lone = measured({"plain": missing(2), "explained": in_parts}, 1)
+    low, high = lone.ci95
+    assert low < lone.fraction_closed - 0.2
+    assert high > lone.fraction_closed + 0.2
+
+
+def test_the_interval_of_a_wrong_model_holds_its_fraction() -> None:
+    found = measured({"plain": missing(1), "explained": missing(20)}, 1)
+    low, high = found.ci95
+    assert found.fraction_closed < -100
+    assert low <= found.fraction_closed <= high
