@@ -125,7 +125,7 @@ def shrink(
 
 
 def _units(evidence: Evidence, where: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Number what the bootstrap draws: trials, or pieces of a lone one, sample by sample.
+    """Tell for each sample what the bootstrap draws it with: its trial, or a piece of a lone one.
 
     Elsewhere than in `where` it is -1.
     """
