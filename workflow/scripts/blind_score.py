@@ -27,7 +27,7 @@ def outcomes(labels, folder, realised):
             truth=read_truth(labels[case], snakemake.input.labels[0]),
             answer=read_answer(diagnosis, path),
             baselines=read_baselines(diagnosis, path),
-            realised=read_realised(realised[case], path),
+            realised=None if realised[case] is None else read_realised(realised[case], path),
         )
 
 
