@@ -82,7 +82,9 @@ def test_fraction_closed_is_the_contracts():
     before, after, floor = 2.1**2, 0.6**2, 0.5
     expected = 1.0 - (after - floor**2) / (before - floor**2)
     assert _closed(np.array(before), np.array(after), floor) == pytest.approx(expected)
-    assert _closed(np.array(before), np.array(0.4**2), floor) == pytest.approx(1.0)
+    below = 1.0 - (0.4**2 - floor**2) / (before - floor**2)
+    assert _closed(np.array(before), np.array(0.4**2), floor) == pytest.approx(below)
+    assert below > 1.0
 
 
 def trials(names):

@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 _MOST = 0.3  # of the trials
 _DRAWS = 2000
-_LEAST_HALF_WIDTH = 0.04
+_LEAST_HALF_WIDTH = 0.07  # the floor itself is known from few trials
 _PIECES = 8  # of a lone held-out trial
 
 
@@ -119,8 +119,8 @@ def shrink(
         refit_only_rmse_deg=rmse(evidence, curves["refit"], where),
         ceiling_rmse_deg=rmse(evidence, curves["ceiling"], where),
         noise_floor_deg=floor_deg,
-        fraction_closed=min(whole, 1.0),
-        ci95=(float(max(low, min(whole, -1.0))), float(min(high, 1.0))),
+        fraction_closed=whole,
+        ci95=(float(max(low, min(whole, -1.0))), float(high)),
     )
 
 
@@ -141,7 +141,7 @@ def _units(evidence: Evidence, where: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _closed(before: Floats, after: Floats, floor_deg: float) -> Floats:
     gap = np.maximum(before - floor_deg**2, 1e-6)
-    return np.asarray(1.0 - np.maximum(after - floor_deg**2, 0.0) / gap)
+    return np.asarray(1.0 - (after - floor_deg**2) / gap)
 
 
 def _squares(evidence: Evidence, predicted_deg: Floats) -> Floats:
