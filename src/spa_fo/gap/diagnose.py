@@ -33,7 +33,7 @@ from spa_fo.gap.unknown import Stress, unknown_probability
 from spa_fo.gap.verdict import Scored, Verdict, beating, judge, stage_shares, weigh
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
-from spa_fo.plant.effects.library import IDS, LIBRARY
+from spa_fo.plant.effects.library import IDS, LIBRARY, absent
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
@@ -43,6 +43,7 @@ Progress = Callable[[str], None]
 COMMONEST = "hysteresis"
 """What one hears most often about soft actuators: a baseline that always answers so."""
 _SAME_MODEL = 0.01  # of the static gain: two step responses nearer than that are one model
+_PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing worth saying
 _PART_EXPLAINED = 0.5  # of the gap, held out: less is nothing explained
 _BY_CHANCE = {"mains_pickup", "sensor_slip"}  # phases and jumps that nobody can foretell
 _WORTH_TESTING = 0.01  # probability from which an explanation's predictions are tried
@@ -222,7 +223,10 @@ def diagnose(
         shrink=shrunk,
         offers=_offers(everything),
         misses=misses,
-        findings=_findings(stress, unknown, own, verdict),
+        findings=(
+            *_findings(stress, unknown, own, verdict),
+            *_drive_finding(candidates, everything, held),
+        ),
         baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
         traces=_traces(everything, held, curves, final),
         model=model,
@@ -296,17 +300,18 @@ def _stages(
     """Share the gap out to stages: by what explains it, or else by where it is seen."""
     if verdict.kind == "no_gap" or verdict.sets:
         return stage_shares(verdict)
-    gain = candidates.given[4] / candidates.given[3] / everything.data.campaign.reference_kpa
-    drive = 0.0
-    if candidates.drives:
-        missed = candidates.drives[()].missed_kpa
-        drive = float(np.mean((np.degrees(gain) * missed) ** 2))
+    drive, whole = 0.0, everything.grid.angle_deg - plain_deg
+    if everything.has_pressure:
+        # With the measured pressure for the command, what vanishes was the drive's.
+        chain = angle_chain(everything, candidates.given, everything.grid.pressure_kpa)
+        driven, _ = chain.run(candidates.given, absent())
+        drive = float(np.mean((driven - plain_deg) ** 2))
+        whole = everything.grid.angle_deg - driven
     sensor = 0.0
     if everything.fixture is not None:
         fixture = everything.fixture
         sensor = max(float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2)), 0.0)
-    whole = float(np.mean((everything.grid.angle_deg - plain_deg) ** 2))
-    actuator = max(whole - drive - sensor, 0.0) + 1e-9
+    actuator = max(float(np.mean(whole**2)) - sensor, 0.0) + 1e-9
     total = drive + sensor + actuator
     return {
         "drive": drive / total,
@@ -538,11 +543,41 @@ def _misses(evidence: Evidence) -> tuple[str, ...]:
         missing.append("a calibration afterwards: slip and drift of the sensor")
     if evidence.fixture is None:
         missing.append("a calibration log: the sensor cannot be told from the actuator")
+    if np.unique([index[0] for index in evidence.support_index]).size == len(trials):
+        missing.append("repeated trials: without them the noise floor is that of single samples")
     orders = [trial.experiment for trial in trials]
     blocks = sum(a != b for a, b in pairwise(orders)) + 1
     if len(set(orders)) > 1 and blocks == len(set(orders)):
         missing.append("interleaved order: drift and amplitude go together in blocks")
     return tuple(missing)
+
+
+def _drive_finding(candidates: Candidates, everything: Evidence, held: HeldOut) -> tuple[str, ...]:
+    """Say what the measured pressure tells of the drive, whatever the angle says."""
+    fit = candidates.drive
+    if fit is None or not fit.ids:
+        return ()
+    where = judged(everything, held)
+    before, after = (
+        float(np.sqrt(np.mean(each.residual_kpa[where] ** 2)))
+        for each in (candidates.drives[()], fit)
+    )
+    if after > _PRESSURE_EXPLAINED * before:
+        return ()
+    effects = " + ".join(
+        f"{name} ({', '.join(_values(name, fit.effects[LIBRARY[name].slots]))})" for name in fit.ids
+    )
+    return (
+        f"The measured pressure by itself: {effects} takes what the command misses of it on the "
+        f"held-out trials from {before:.2g} to {after:.2g} kPa.",
+    )
+
+
+def _values(name: str, values: Floats) -> list[str]:
+    return [
+        f"{parameter.name} {value:.2g}"
+        for parameter, value in zip(LIBRARY[name].parameters, values, strict=True)
+    ]
 
 
 def _findings(stress: Stress, unknown: float, own: bool, verdict: Verdict) -> tuple[str, ...]:
