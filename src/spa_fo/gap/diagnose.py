@@ -569,13 +569,13 @@ def _drive_finding(candidates: Candidates, everything: Evidence, held: HeldOut) 
     )
     return (
         f"The measured pressure by itself: {effects} takes what the command misses of it on the "
-        f"held-out trials from {before:.2g} to {after:.2g} kPa.",
+        f"held-out trials from {before:.3g} to {after:.3g} kPa.",
     )
 
 
 def _values(name: str, values: Floats) -> list[str]:
     return [
-        f"{parameter.name} {value:.2g}"
+        f"{parameter.name} {value:.3g}"
         for parameter, value in zip(LIBRARY[name].parameters, values, strict=True)
     ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ _COLUMNS = 3
 _MOST_PANELS = 9
 _MOST_CAUSES = 8
 _FEW = 3  # causes that are shown however improbable
+_LABEL_WIDTH = 44  # characters
 _MOST_STAGE_PANELS = 3
 _LINEAR_KPA = 5.0
 _LOOKS: dict[str, dict[str, Any]] = {
@@ -344,14 +346,18 @@ def ladder_figure(diagnosis: Diagnosis) -> Figure:
     matplotlib.figure.Figure
     """
     rungs = _rungs(diagnosis)
+    labels = [fill(rung.label, _LABEL_WIDTH, break_long_words=False) for rung in rungs]
+    lines = max(label.count("\n") + 1 for label in labels)
     figure = new_figure(
-        TWO_COLUMNS_IN, 0.9 + 0.24 * len(rungs), [["error", "error", "probability"]]
+        TWO_COLUMNS_IN,
+        0.9 + (0.12 + 0.12 * lines) * len(rungs),
+        [["error", "error", "probability"]],
     )
     error, probability = figure.axes
     places = range(len(rungs))
     errors = [0.0 if rung.rmse_deg is None else rung.rmse_deg for rung in rungs]
     error.barh(places, errors, color=[rung.colour for rung in rungs], height=0.6)
-    error.set_yticks(places, [rung.label for rung in rungs])
+    error.set_yticks(places, labels)
     floor = (
         diagnosis.gap.noise_floor_deg
         if diagnosis.shrink is None
