@@ -3,16 +3,19 @@
 PYTHON ?= python3.11
 CORES ?= 2
 VENV := .venv
+# Campaigns measured by others, which are not part of the project.
+DATA ?= ../shared/data
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
 PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
 
-.PHONY: help reproduce blind test format unlock lock
+.PHONY: help reproduce blind real-data test format unlock lock
 
 help:
 	@echo "make reproduce   raw logs -> results/ (CORES=$(CORES))"
 	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (hours)"
+	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
 	@echo "make format      format Python and Snakemake files"
 	@echo "make unlock      after a killed run: release Snakemake's lock"
@@ -32,6 +35,9 @@ blind: $(INSTALLED)
 	$(BIN)/snakemake --cores $(CORES) blind
 	$(BIN)/python -m spa_fo.report.blind_document results/blind docs \
 	  --command "snakemake --cores $(CORES) blind"
+
+real-data: $(INSTALLED)
+	$(BIN)/python benchmarks/real_data.py $(DATA)
 
 test: $(INSTALLED)
 	$(BIN)/ruff check .
