@@ -590,7 +590,9 @@ def _findings(stress: Stress, unknown: float, own: bool, verdict: Verdict) -> tu
         "drift": "the later calibration shows",
         "trials": "the trials' own gain or rest angle shows, going with their order",
     }
-    if unknown > 0.5:
+    if unknown > 0.5 and not verdict.best.named:
+        found.append("No explanation of the library holds on the trials that took no part.")
+    elif unknown > 0.5:
         found.append(
             f"The best explanation leaves what {names[kind]}: {loud:.1f} times as much as a right "
             "one would."

@@ -1,0 +1,72 @@
+"""Campaigns measured by others, where they are at hand: what the diagnosis makes of them."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def real_data() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("real_data", ROOT / "benchmarks" / "real_data.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def soft_arm(
+    real_data: Any, shared_data: Path, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Any]:
+    folder = tmp_path_factory.mktemp("soft_arm")
+    real_data.OUT = folder / "out"
+    real_data.run("soft_arm_steps", shared_data, folder)
+    assert (folder / "out" / "soft_arm_steps" / "diagnosis.md").is_file()
+    path = folder / "out" / "soft_arm_steps" / "diagnosis.json"
+    document: dict[str, Any] = json.loads(path.read_text())
+    return document
+
+
+def test_the_soft_arm_has_a_gap(soft_arm: dict[str, Any]) -> None:
+    assert soft_arm["provenance"] == "measured"
+    assert soft_arm["gap"]["significant"]
+    assert soft_arm["gap"]["rmse_deg"] > 1.0
+
+
+def test_the_regulators_lag_is_found(soft_arm: dict[str, Any]) -> None:
+    """Known of the rig: the pressure reaches 63 % of a step in 0.35 to 0.8 s."""
+    (finding,) = [text for text in soft_arm["findings"] if text.startswith("The measured pressure")]
+    assert "line_lag (time_constant_s 0." in finding
+    lag = float(finding.split("time_constant_s ")[1].split(",")[0])
+    assert 0.3 < lag < 0.8
+    assert soft_arm["where"]["stage"]["drive"] > 0.2
+
+
+def test_no_sure_name_where_the_gain_grows_with_the_pressure(soft_arm: dict[str, Any]) -> None:
+    """Nothing in the library makes a gain double, so no single cause may be sure of itself."""
+    assert soft_arm["verdict"]["kind"] in ("unknown", "ambiguous")
+
+
+def test_one_chamber_of_the_bellow_at_a_time(
+    real_data: Any, shared_data: Path, tmp_path: Path
+) -> None:
+    """Both chambers bend alike, each to its own side: the gains agree."""
+    gains = []
+    for chamber in (1, 2):
+        folder = tmp_path / f"chamber_{chamber}"
+        folder.mkdir()
+        real_data.bellow(chamber)(shared_data / "bellow_bending", folder)
+        real_data.list_checksums(folder)
+        data = real_data.read_trials(real_data.read_campaign(folder))
+        fitted = real_data.fit_campaign(data, signal="pressure", bootstrap=0)
+        gains.append(fitted.model.transfer_function.gain)
+    assert gains[0] == pytest.approx(gains[1], rel=0.2)
