@@ -70,10 +70,10 @@ def leak(signal, rate, makeup):
 
 
 def creep(signal, per_decade, tilt, step):
-    """Eight retarded elements, two a decade from 0.56 s, each after its own exponential."""
+    """Nine retarded elements, two a decade from 0.1 s, each after its own exponential."""
     total = np.zeros(signal.size)
-    for number in range(8):
-        time_constant = 10.0 ** (-0.25 + 0.5 * number)
+    for number in range(9):
+        time_constant = 10.0 ** (-1.0 + 0.5 * number)
         size = 0.5 * per_decade * tilt ** (math.log10(time_constant) - 1.0)
         now, own = 0.0, []
         for value in signal:

@@ -633,7 +633,7 @@ def test_steps_are_fine_after_a_jump_and_grow() -> None:
     at = np.searchsorted(grid.first_cell[: level.size], 25)
     assert grid.first_cell[at] == 25
     assert (level[at : at + 8] == 0).all()
-    assert level.max() == 4
+    assert level.max() == 3
     assert (level[np.searchsorted(grid.first_cell[: level.size], 225)]) == 0
 
 
