@@ -29,10 +29,13 @@ _PAIRED = 6  # so many of the best single effects are tried in pairs
 _MOST_TOGETHER = 5
 _WORTH_ADDING = 12.0  # nats
 _FREED = 8  # so many with the coefficients free
-_SCREENING_STEPS = 3
+_PRUNED = 4  # of the best sets, so many lose a member to see whether it was needed
+_SCREENING_STEPS = 4
 _PROMISING = 40.0  # nats behind the best after screening
-RELEVANT = 0.35
-"""An effect that moves the angle by less than this part of the noise floor is none."""
+_STANDS_OUT, _NOTHING_KPA = 6.0, 0.5  # of a pressure in one trial: deviations of the noise, kPa
+RELEVANT, RELEVANT_PART = 0.35, 0.12
+"""An effect that moves the angle by less than this part of the noise floor is none; and one that
+moves it by less than this part of what the largest does may only make up for that one's form."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,7 @@ def consider(
     for pair in combinations(ranked[:_PAIRED], 2):
         fitter.joined(ordered(pair), level)
     fitter.grow(ranked[:_FREED], level)
+    fitter.prune(level)
     return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow, tuple(excluded))
 
 
@@ -157,13 +161,26 @@ def _known_pressure(evidence: Evidence, drives: dict[Ids, DriveFit]) -> Floats |
 
 
 def _with_missed(evidence: Evidence, fit: DriveFit) -> Floats:
-    """Modelled pressure on the cells, and the repeated part of what the model misses."""
+    """Modelled pressure on the cells, and what the model misses beyond the sensor's noise.
+
+    That is the part that repeats, and what stands out in a single trial, such as a command that
+    the drive took up later than usual.
+    """
     grid = evidence.grid
     pressure = modelled_pressure(evidence, fit.effects)
+    own = fit.residual_kpa - fit.missed_kpa
+    noise = evidence.pressure_noise_kpa / np.sqrt(grid.counts)
+    missed = fit.missed_kpa.copy()
+    for rows in evidence.rows:
+        sign = np.sign(own[rows]) * (np.abs(own[rows]) > _STANDS_OUT * noise[rows] + _NOTHING_KPA)
+        # A lone sample beside a jump only says that it was taken just before or after.
+        again = np.append(sign[1:], 0.0), np.append(0.0, sign[:-1])
+        kept = (sign != 0.0) & ((sign == again[0]) | (sign == again[1]))
+        missed[rows] += np.where(kept, own[rows], 0.0)
     for trial, rows in enumerate(evidence.rows):
         first, end = grid.cell_starts[trial : trial + 2]
         time = FINEST_STEP_S * (np.arange(end - first) + 0.5)
-        pressure[first:end] += np.interp(time, grid.time_s[rows], fit.missed_kpa[rows])
+        pressure[first:end] += np.interp(time, grid.time_s[rows], missed[rows])
     return pressure
 
 
@@ -242,6 +259,22 @@ class _Fitter:
             if not wider or best_fit(wider).log_evidence < best.log_evidence + _WORTH_ADDING:
                 return
             best = best_fit(wider)
+
+    def prune(self, level: str) -> None:
+        """Take members out of the best sets: what is left may do as well from where they led it."""
+        ranked = sorted(
+            (fit for (ids, own), fit in self.fits.items() if own == level and len(ids) > 1),
+            key=lambda fit: -fit.log_evidence,
+        )
+        for fit in ranked[:_PRUNED]:
+            values = dict(zip([s.place for s in self._slots(fit)], fit.searched[5:], strict=True))
+            for ids in combinations(fit.ids, len(fit.ids) - 1):
+                problem = self.problem(ids, level)
+                left = np.array([values[slot.place] for slot in problem.slots])
+                again = problem.fit(np.concatenate([fit.searched[:5], left]))
+                known = self.fits.get((ids, level))
+                if known is None or again.log_evidence > known.log_evidence:
+                    self.fits[(ids, level)] = again
 
     def _slots(self, fit: Fit) -> list[Slot]:
         return self.problem(fit.ids, fit.level).slots

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.evidence import Evidence, modelled_pressure
 from spa_fo.gap.explain import TIMING_S, Slot
-from spa_fo.gap.mixed import Block, Prior, Solution, normal_equations, solve
+from spa_fo.gap.mixed import Block, Prior, Solution
+from spa_fo.gap.search import climb
 from spa_fo.plant.effects.library import LIBRARY, absent
 
 Floats = NDArray[np.float64]
@@ -23,8 +24,7 @@ Floats = NDArray[np.float64]
 _OFFSET_KPA, _GAIN = 0.4, 0.004  # of the pressure sensor
 
 _BLUR = 0.5  # of the change of pressure within six cells: when exactly it changed is not known
-_MOST_STEPS = 15
-_CONVERGED = 0.05
+_MOST_STEPS = 16
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class _Problem:
             for name in ids
             for k, parameter in enumerate(LIBRARY[name].parameters)
         ]
-        p = len(self.slots)
+        self.parameters = p = len(self.slots)
         self.centre = np.array([slot.centre for slot in self.slots])
         self.spread = np.array([slot.parameter.spread for slot in self.slots])
         self.low = np.array([slot.limits[0] for slot in self.slots])
@@ -171,45 +171,19 @@ class _Problem:
             points = [np.append(point, slot.searched(v)) for point in points for v in starts]
         return max((self.fit(point) for point in points), key=lambda fit: fit.log_evidence)
 
+    def prior(self, z: Floats) -> Prior:
+        """Prior of all columns' coefficients, those of the parameters as steps from `z`."""
+        mean = np.zeros(self.size)
+        mean[: self.parameters] = self.centre - z
+        return Prior(mean, self.variance, self.group, self.scales)
+
+    def inside(self, z: Floats) -> Floats:
+        """Move a point to within the bounds."""
+        return np.clip(z, self.low, self.high)
+
     def fit(self, start: Floats) -> DriveFit:
-        p = len(self.slots)
-        z = np.clip(start, self.low, self.high)
-        variances = self.scales**2
-        best: tuple[float, Floats, Floats, Solution, list[Block]] | None = None
-        step = np.zeros(p)
-        for _ in range(_MOST_STEPS):
-            blocks, y = self.blocks(z)
-            mean = np.zeros(self.size)
-            mean[:p] = self.centre - z
-            prior = Prior(mean, self.variance, self.group, self.scales)
-            normal = normal_equations(blocks, self.size)
-            solution = solve(normal, prior, variances, rounds=4)
-            # The evidence with the parameters' steps held at zero says how good this point is.
-            tight = self.variance.copy()
-            tight[:p] = 1e-16
-            pinned = np.where(np.arange(self.size) < p, 0.0, mean)
-            held = solve(normal, Prior(pinned, tight, self.group, self.scales), variances, rounds=4)
-            here = held.log_evidence - 0.5 * float(np.sum((mean[:p] / self.spread) ** 2))
-            if best is not None and here < best[0] - 1e-9:
-                step = 0.4 * step
-                if p == 0 or np.max(np.abs(step) / self.spread) < 1e-3:
-                    break
-                z = np.clip(best[1] + step, self.low, self.high)
-                continue
-            gained = np.inf if best is None else here - best[0]
-            best = (here, z, y, solution, blocks)
-            if p == 0:
-                break
-            step = solution.coefficients[:p]
-            longest = float(np.max(np.abs(step) / self.spread))
-            step = step * min(1.0, 2.0 / longest) if longest > 0 else step
-            new = np.clip(z + step, self.low, self.high)
-            step = new - z
-            if gained < _CONVERGED and np.max(np.abs(step) / self.spread) < 0.05:
-                break
-            z = new
-        assert best is not None
-        _, z, y, solution, blocks = best
+        point, solution = climb(self, start, _MOST_STEPS)
+        z, y, p = point.z, point.y, self.parameters
         b = solution.coefficients
         grid = self.evidence.grid
         assert grid.measured_kpa is not None

@@ -99,7 +99,8 @@ class Fixture:
         start = film.copy()
         read[first_log:] = read_angle(self.angle_deg[first_log:], level[first_log:], own, film)
         delay, window = effects[LIBRARY["channel_latency"].slots]
-        total = np.concatenate([[0.0], np.cumsum(read)])
+        over_step = 0.5 * (read + np.concatenate([read[:1], read[:-1]]))
+        total = np.concatenate([[0.0], np.cumsum(over_step)])
         at = np.arange(total.size)
         mean = np.zeros(self.step_of.shape[0])
         delays = np.zeros(1) if np.isnan(delay) else smeared(delay, window)
@@ -107,12 +108,12 @@ class Fixture:
             first, last = self.step_of[:, 0] - late, self.step_of[:, 1] - late
             rise = np.interp(last, at, total) - np.interp(first, at, total)
             mean += rise / (last - first) / delays.size
-        raw = mean - self.angle_deg[self.step_of[:, 0]]
-        centred = self.average @ raw
+        raw = mean - self.known_deg
         known, rows = np.unique(self.known_deg[self.log == 0], return_index=True)
         # Each row less itself centred is the settled mean at its angle: what the curve took up.
-        bias = (raw - centred)[self.log == 0][rows]
-        return centred, Seat(start, known, bias)
+        bias = (raw - self.average @ raw)[self.log == 0][rows]
+        seat = Seat(start, known, bias)
+        return self.average @ (seat.logged_deg(mean) - self.known_deg), seat
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.evidence import Evidence, Fixture, curve_columns
-from spa_fo.gap.mixed import Block, Normal, Prior, Solution, normal_equations, solve
+from spa_fo.gap.mixed import Block, Prior, Solution, normal_equations, solve
+from spa_fo.gap.search import climb
 from spa_fo.plant.chain import Chain, Seat
 from spa_fo.plant.effects.library import LIBRARY, Parameter, absent
 
@@ -42,8 +43,7 @@ TIMING_S = 0.006
 """How well the channels of one row belong together: a part of a sample period."""
 
 _SLOPE_STEP = 1e-4
-_MOST_STEPS = 9
-_CONVERGED = 0.3  # nats
+_MOST_STEPS = 16
 _PACE_STEP = 2e-3
 
 
@@ -393,53 +393,14 @@ class AngleProblem:
         Fit
             The best point met.
         """
-        z = np.clip(start, self.low, self.high)
-        variances = self.scales**2
-        best: tuple[float, Floats, Floats, Solution, list[Block]] | None = None
-        step = np.zeros(z.size)
-        for _ in range(most_steps):
-            blocks, y = self.blocks(z)
-            prior = self.prior(z)
-            normal = normal_equations(blocks, self.size)
-            # Where the linearised optimum is, and how good this very point is: the same
-            # equations with the parameters' steps held at zero.
-            solution = solve(normal, prior, variances, rounds=2)
-            here = self._at_point(normal, prior, solution)
-            if best is not None and here < best[0] - 1e-9:
-                step = 0.4 * step
-                if np.max(np.abs(step) / self.spread) < 1e-3:
-                    break
-                z = np.clip(best[1] + step, self.low, self.high)
-                continue
-            gained = np.inf if best is None else here - best[0]
-            best = (here, z, y, solution, blocks)
-            variances = solution.variances
-            step = solution.coefficients[: self.parameters]
-            step = _limited(step, self.spread)
-            new = np.clip(z + step, self.low, self.high)
-            new[1] = min(new[1], new[0] - 1e-3)
-            step = new - z
-            if gained < _CONVERGED and np.max(np.abs(step) / self.spread) < 0.05:
-                break
-            z = new
-        assert best is not None
-        return self._result(*best[1:])
+        point, solution = climb(self, start, most_steps)
+        return self._result(point.z, point.y, solution, point.blocks)
 
-    def _at_point(self, normal: Normal, prior: Prior, solution: Solution) -> float:
-        """Log posterior with the parameters' steps held at zero."""
-        p = self.parameters
-        rest = slice(p, None)
-        inner = Normal(
-            normal.matrix[rest, rest],
-            normal.vector[rest],
-            normal.square,
-            normal.log_noise,
-            normal.rows,
-        )
-        nuisance = Prior(prior.mean[rest], prior.variance[rest], prior.group[rest], prior.scale)
-        held = solve(inner, nuisance, solution.variances, rounds=0)
-        deviation = prior.mean[:p] / self.spread
-        return held.log_evidence - 0.5 * float(deviation @ deviation)
+    def inside(self, z: Floats) -> Floats:
+        """Move a point to within the bounds; alpha1 stays below alpha2."""
+        z = np.clip(z, self.low, self.high)
+        z[1] = min(z[1], z[0] - 1e-3)
+        return z
 
     def _result(self, z: Floats, y: Floats, solution: Solution, blocks: list[Block]) -> Fit:
         evidence = self.evidence
@@ -505,12 +466,6 @@ class AngleProblem:
             every = slot.parameter.starts
             points = [np.append(point, slot.searched(v)) for point in points for v in every]
         return points
-
-
-def _limited(step: Floats, spread: Floats) -> Floats:
-    """Shorten a step that leaves what the linearisation can be trusted for."""
-    longest = float(np.max(np.abs(step) / spread))
-    return step * min(1.0, 2.0 / longest) if longest > 0 else step
 
 
 def best_fit(fits: Sequence[Fit]) -> Fit:

@@ -3,8 +3,9 @@
     r = J δ + Z b + ε,   δ ~ N(δ0, Π),   b ~ N(0, diag γ),   ε ~ N(0, diag R)
 
 The rows come in blocks (trials) and every column lives in few of them, so the normal matrix is
-assembled block by block. The variances γ follow by EM with a weak prior (Laird and Ware 1982,
-doi:10.2307/2529876); the marginal likelihood integrates δ and b out.
+assembled block by block. The variances γ have a weak prior and maximise the marginal likelihood,
+which integrates δ and b out; MacKay's fixed point (1992, doi:10.1162/neco.1992.4.3.415) reaches the
+maximum that EM (Laird and Ware 1982, doi:10.2307/2529876) creeps towards.
 """
 
 from __future__ import annotations
@@ -148,7 +149,7 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
     variances : (g,) array
         First guess of the groups' variances.
     rounds : int
-        EM steps; 0 keeps the variances.
+        Steps of the fixed point; 0 keeps the variances.
 
     Returns
     -------
@@ -168,9 +169,12 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
         coefficients = cho_solve(factor, right, check_finite=False)
         if step == rounds:
             break
-        second = coefficients**2 + np.diag(_inverse(factor[0]))
-        sums = np.bincount(prior.group[grouped], second[grouped], minlength=groups)
-        variances = (sums + _PRIOR_STRENGTH * prior.scale**2) / (sizes + _PRIOR_STRENGTH + 2.0)
+        squares = np.bincount(prior.group[grouped], coefficients[grouped] ** 2, minlength=groups)
+        undecided = np.bincount(
+            prior.group[grouped], (np.diag(_inverse(factor[0])) / spread)[grouped], minlength=groups
+        )
+        known = np.maximum(sizes - undecided, 0.0)
+        variances = (squares + _PRIOR_STRENGTH * prior.scale**2) / (known + _PRIOR_STRENGTH + 2.0)
     deviation = coefficients - prior.mean
     fit = normal.square - 2.0 * coefficients @ normal.vector
     fit += coefficients @ normal.matrix @ coefficients

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.candidates import RELEVANT, Candidates, Ids
+from spa_fo.gap.candidates import RELEVANT, RELEVANT_PART, Candidates, Ids
 from spa_fo.gap.evidence import Evidence
 from spa_fo.gap.explanation import Explanation, combined, simulate
 from spa_fo.gap.floor import repeats
@@ -131,8 +131,11 @@ def weigh(candidates: Candidates, floor_deg: float) -> list[Scored]:
     # An idle member is no part of the answer: of sets that are then the same, the best counts.
     best_of: dict[Ids, Explanation] = {}
     for e in sorted(near, key=lambda e: -score[e.ids]):
-        active = tuple(n for n in e.ids if moved[e.ids][n] >= RELEVANT * floor_deg)
-        best_of.setdefault(active, e)
+        least = max(RELEVANT * floor_deg, RELEVANT_PART * max(moved[e.ids].values(), default=0.0))
+        active = tuple(n for n in e.ids if moved[e.ids][n] >= least)
+        # Idle effects may still hide that the coefficients moved: only the plain model is none.
+        if active or not e.ids:
+            best_of.setdefault(active, e)
     kept = list(best_of.values())
     weights = np.array([score[e.ids] for e in kept])
     weights = np.exp(weights - weights.max())
@@ -196,7 +199,7 @@ def _fixture_leftover(evidence: Evidence, explanation: Explanation) -> float:
 
 
 def beating(scored: Sequence[Scored], errors: dict[Ids, float], plain: float) -> list[Scored]:
-    """Leave out explanations that predict held-out trials no better than the plain model.
+    """Leave out explanations that predict held-out trials worse than need be.
 
     Parameters
     ----------
@@ -205,7 +208,7 @@ def beating(scored: Sequence[Scored], errors: dict[Ids, float], plain: float) ->
     errors : dict
         Held-out RMS errors of those that were tried, deg.
     plain : float
-        That of the plain model, deg.
+        What they must stay below, deg.
     """
     kept = [s for s in scored if not s.named or errors.get(s.named, -1.0) < plain]
     total = sum(s.probability for s in kept)

@@ -6,12 +6,14 @@ One memory runs through a whole campaign, and through a later one that continues
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.actuator import CREEP_TIMES_S, MULLINS_LEVELS, STOPS, move
@@ -105,13 +107,40 @@ class Seat:
     film : array
         State of the film; a fresh one by default.
     known_deg, bias_deg : (k,) arrays
-        What a sensor with hysteresis or creep read too much at the known angles, which the
-        calibrated curve has taken up.
+        What a sensor with hysteresis or creep read too much at the known angles, rising, which
+        the calibrated curve has taken up.
     """
 
     film: Floats = field(default_factory=lambda: np.zeros(4 + CREEP_TIMES_S.size))
     known_deg: Floats = field(default_factory=lambda: np.zeros(1))
     bias_deg: Floats = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def is_biased(self) -> bool:
+        """Whether the calibration took anything up."""
+        return bool(self.bias_deg.any())
+
+    def logged_deg(self, reading_deg: Floats) -> Floats:
+        """Give the angles that the calibrated curve makes of readings, same shape.
+
+        The curve goes through what was read at the known angles as a calibration's does: a
+        monotone cubic, straight on beyond its ends.
+        """
+        return self._curve(reading_deg) if self.is_biased else reading_deg
+
+    @cached_property
+    def _curve(self) -> Callable[[Floats], Floats]:
+        read = np.maximum.accumulate(self.known_deg + self.bias_deg)
+        read = read + 1e-6 * np.arange(read.size)  # a reading that never falls back
+        inner = PchipInterpolator(read, self.known_deg)
+        low, high = inner.derivative()(read[[0, -1]])
+
+        def curve(reading_deg: Floats) -> Floats:
+            inside = np.clip(reading_deg, read[0], read[-1])
+            beyond = np.where(reading_deg < inside, low, high) * (reading_deg - inside)
+            return np.asarray(inner(inside) + beyond)
+
+        return curve
 
     def to_dict(self) -> dict[str, list[float]]:
         """Return lists, ready for JSON."""
@@ -267,8 +296,7 @@ class Chain:
                 ],
                 axis=0,
             )
-        if self.seat.bias_deg.any():
-            y = y - np.interp(y, self.seat.known_deg, self.seat.bias_deg)
+        y = self.seat.logged_deg(y)
         if not math.isnan(effects[_SLIP]):
             y = y + slipped(grid.orders, effects)[trial]
         return np.asarray(y)

@@ -20,7 +20,9 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _JUMP = 0.02  # of the largest input, within one cell
-_GROWTH = 8.0  # a step is at most this part of the time since the last jump
+_CORNER = 0.03  # of the largest input, by which it leaves its line within `_CORNER_S`
+_CORNER_S = 0.32
+_GROWTH = 10.0  # a step is at most this part of the time since the last jump or corner
 _LONGEST = 3  # level of the longest step within a trial: 0.16 s
 _FIRST_REST = 2  # level of the first step of a rest
 
@@ -224,6 +226,7 @@ def _lay(trial: Trial, source: object) -> _Laid:
 def _steps(drive: Floats, largest: float, longest: int) -> Integers:
     """Choose the step levels of one trial."""
     jumps = np.flatnonzero(np.abs(np.diff(drive, prepend=0.0)) > _JUMP * largest)
+    jumps = np.union1d(jumps, _corners(drive, jumps, _CORNER * largest))
     jumps = np.append(jumps, drive.size)
     levels = []
     at, since, following = 0, -drive.size, 0
@@ -237,6 +240,27 @@ def _steps(drive: Floats, largest: float, longest: int) -> Integers:
         levels.append(level)
         at += 2**level
     return np.array(levels, dtype=np.int64)
+
+
+def _corners(drive: Floats, jumps: Integers, least: float) -> Integers:
+    """Find where a ramp begins, turns or ends: a response bends there nearly as after a jump."""
+    width = round(_CORNER_S / FINEST_STEP_S)
+    if drive.size <= 3 * width:
+        return np.zeros(0, dtype=np.int64)
+    total = np.concatenate([[0.0], np.cumsum(drive)])
+    mean = (total[width:] - total[:-width]) / width
+    bend = np.zeros(drive.size)
+    # Cell i lies at the middle of the second of three windows.
+    middle = np.arange(mean.size - 2 * width) + 3 * width // 2
+    bend[middle] = np.abs(mean[2 * width :] - 2.0 * mean[width:-width] + mean[: -2 * width])
+    for jump in jumps.tolist():
+        bend[max(jump - 2 * width, 0) : jump + 2 * width] = 0.0
+    found = []
+    while bend.max() > least:
+        at = int(np.argmax(bend))
+        found.append(at)
+        bend[max(at - 2 * width, 0) : at + 2 * width] = 0.0
+    return np.array(found, dtype=np.int64)
 
 
 def _rest(seconds: float) -> Integers:

@@ -100,10 +100,7 @@ def move(
 
     creep_size = np.zeros(creep.size)
     if creeping:
-        for j in range(creep.size):
-            # J(t) ~ t^q-like: the tilt weighs slow elements against fast ones.
-            decades = math.log10(CREEP_TIMES_S[j]) - 1.0
-            creep_size[j] = e[CREEP] * _DECADE * e[CREEP + 1] ** decades
+        creep_size = creep_sizes(e[CREEP], e[CREEP + 1], e[CREEP + 2])
 
     out = np.empty(load.size)
     angle = stops[STOPS]
@@ -186,6 +183,16 @@ def move(
                 out[i] += creep[j]
     stops[STOPS] = angle
     return out
+
+
+@njit
+def creep_sizes(per_decade: float, typical_s: float, decades: float) -> Floats:
+    """Share of the static value that each of the elements at `CREEP_TIMES_S` adds in the end."""
+    sizes = np.empty(CREEP_TIMES_S.size)
+    for j in range(sizes.size):
+        away = math.log10(CREEP_TIMES_S[j] / typical_s) / decades
+        sizes[j] = per_decade * _DECADE * math.exp(-0.5 * away * away)
+    return sizes
 
 
 @njit

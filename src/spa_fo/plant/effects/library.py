@@ -85,6 +85,18 @@ def _late(name: str) -> Parameter:
     return Parameter(name, "s", 0.0, 0.12, 0.0, 2.0, starts=(0.03, 0.12, 0.4))
 
 
+def _spectrum() -> tuple[Parameter, ...]:
+    """Give a creep's spectrum: a bell over the logarithm of time, which bends with any of them.
+
+    Narrow it is a single element, broad a logarithmic law, broad and late a power law.
+    """
+    return (
+        _size("per_decade", "1", 0.05, 0.5, 0.03),
+        _shape("typical_s", "s", 12.0, 4.0, 0.1, 3000.0),
+        _shape("decades", "1", 1.0, 1.8, 0.35, 5.0),
+    )
+
+
 CURVE_KNOTS_DEG = (-10.0, 0.0, 12.0, 24.0, 36.0, 48.0, 60.0, 75.0, 90.0)
 """Angles between which an unknown sensor curve is drawn straight; it is right at 0°."""
 
@@ -160,7 +172,7 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
     (
         "creep",
         "actuator",
-        (_size("per_decade", "1", 0.05, 0.5, 0.03), _shape("tilt", "1", 1.0, 1.7, 0.2, 5.0)),
+        _spectrum(),
     ),
     (
         "hysteresis",
@@ -204,7 +216,7 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
     (
         "sensor_creep",
         "sensor",
-        (_size("per_decade", "1", 0.05, 0.5, 0.03), _shape("tilt", "1", 1.0, 1.7, 0.2, 5.0)),
+        _spectrum(),
     ),
     (
         "sensor_hysteresis",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.actuator import CREEP_TIMES_S
+from spa_fo.plant.effects.actuator import CREEP_TIMES_S, creep_sizes
 from spa_fo.plant.effects.drive import poles
 from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, LIBRARY
 from spa_fo.plant.memory import LEVELS, STEPS_S
@@ -28,7 +28,6 @@ SENSOR_HYSTERESIS = LIBRARY["sensor_hysteresis"].first
 
 _KNOTS = np.array(CURVE_KNOTS_DEG)
 _ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
-_DECADE = 0.5
 
 
 @njit
@@ -54,7 +53,8 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
     if not math.isnan(e[SENSOR_HYSTERESIS]):
         _loop(y, e[SENSOR_HYSTERESIS], e[SENSOR_HYSTERESIS + 1], film)
     if not math.isnan(e[SENSOR_CREEP]):
-        _creep(y, level, e[SENSOR_CREEP], e[SENSOR_CREEP + 1], film[4:])
+        size = creep_sizes(e[SENSOR_CREEP], e[SENSOR_CREEP + 1], e[SENSOR_CREEP + 2])
+        _creep(y, level, size, film[4:])
     if not math.isnan(e[SENSOR_LAG]):
         slow, fast = poles(e[SENSOR_LAG], e[SENSOR_LAG + 1])
         _lag(y, level, slow, film[2:3])
@@ -104,11 +104,9 @@ def _loop(y: Floats, width: float, turn: float, film: Floats) -> None:
 
 
 @njit
-def _creep(y: Floats, level: Integers, per_decade: float, tilt: float, state: Floats) -> None:
+def _creep(y: Floats, level: Integers, size: Floats, state: Floats) -> None:
     keep = np.empty((LEVELS, state.size))
-    size = np.empty(state.size)
     for j in range(state.size):
-        size[j] = per_decade * _DECADE * tilt ** (math.log10(CREEP_TIMES_S[j]) - 1.0)
         for k in range(LEVELS):
             keep[k, j] = math.exp(-STEPS_S[k] / CREEP_TIMES_S[j])
     for i in range(y.size):
