@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ _TIMING_S = 0.003  # error of one sample's time
 _DISCREPANCY_SPACING = 9  # averaged samples from one support of the discrepancy to the next
 _LONGEST_SPACING_S = 3.0
 _MOST_SUPPORTS = 220
-_CURVE_FLOOR_DEG = 0.08
+_CURVE_FLOOR_DEG, _BARE_CURVE_DEG = 0.08, 0.25
 _FORM_ERROR = 0.04  # part of an effect that a right but foreign form misses
 _NEIGHBOURS = 7  # averaged samples
 _WINDOWS = 4  # of a calibration dwell
@@ -61,8 +62,8 @@ class Fixture:
         Which calibration it is from.
     known_deg : (rows,) array
         The fixture's angle.
-    first_log : int
-        Number of steps of the first calibration, with the time the sensor lies flat after it.
+    log_starts : (logs + 1,) array
+        First step of each calibration; the time the sensor lies flat after it belongs to it.
     """
 
     deviation_deg: Floats
@@ -74,10 +75,17 @@ class Fixture:
     time_s: Floats
     log: Integers
     known_deg: Floats
-    first_log: int
+    log_starts: Integers
 
-    def simulate(self, effects: Floats) -> tuple[Floats, Seat]:
+    def simulate(self, effects: Floats, film_turned: float = 0.0) -> tuple[Floats, Seat]:
         """Simulate what the sensor's effects make of the fixture.
+
+        Parameters
+        ----------
+        effects : array
+            Parameters of all effects, NaN where absent.
+        film_turned : float
+            State, -1 to 1, in which a sensor with hysteresis comes to the later calibrations.
 
         Returns
         -------
@@ -91,13 +99,17 @@ class Fixture:
             own[LIBRARY[name].slots] = np.nan  # of the seat: the fixture does not show them
         if np.isnan(own[_FILM]).all():
             return np.zeros(self.deviation_deg.size), Seat()
-        level = self.level
         film = np.zeros(4 + CREEP_TIMES_S.size)
-        first_log = self.first_log
         read = np.empty(self.angle_deg.size)
-        read[:first_log] = read_angle(self.angle_deg[:first_log], level[:first_log], own, film)
-        start = film.copy()
-        read[first_log:] = read_angle(self.angle_deg[first_log:], level[first_log:], own, film)
+        start = film
+        for log, (first, end) in enumerate(pairwise(self.log_starts.tolist())):
+            if log > 0:
+                film[0] = film_turned  # by what happened to it since
+            read[first:end] = read_angle(
+                self.angle_deg[first:end], self.level[first:end], own, film
+            )
+            if log == 0:
+                start = film.copy()
         delay, window = effects[LIBRARY["channel_latency"].slots]
         over_step = 0.5 * (read + np.concatenate([read[:1], read[:-1]]))
         total = np.concatenate([[0.0], np.cumsum(over_step)])
@@ -140,6 +152,8 @@ class Evidence:
         How many there are.
     curve_sigma_deg : (knots,) array
         Error of the calibrated curve at `CURVE_KNOTS_DEG`.
+    bare_curve_sigma_deg : (knots,) array
+        The same once an explanation says what the film made of the calibration.
     fixture : Fixture or None
         Dwells of all calibrations.
     drift_deg, drift_sigma_deg : (m,) arrays
@@ -167,6 +181,7 @@ class Evidence:
     support_index: list[Integers]
     supports: int
     curve_sigma_deg: Floats
+    bare_curve_sigma_deg: Floats
     fixture: Fixture | None
     drift_deg: Floats
     drift_sigma_deg: Floats
@@ -260,6 +275,7 @@ def collect(data: CampaignData) -> Evidence:
         support_index=support_index,
         supports=supports,
         curve_sigma_deg=_curve_sigma(data.calibration),
+        bare_curve_sigma_deg=_curve_sigma(data.calibration, bare=True),
         fixture=_fixture(data.calibrations, grid.trials[0].started_s),
         drift_deg=drift,
         drift_sigma_deg=sigma,
@@ -363,11 +379,16 @@ def curve_columns(angle_deg: Floats) -> Floats:
     return np.delete(columns, CURVE_KNOTS_DEG.index(0.0), axis=1)
 
 
-def _curve_sigma(calibration: Calibration | None) -> Floats:
+def _curve_sigma(calibration: Calibration | None, bare: bool = False) -> Floats:
+    """Error of the curve at its knots; `bare` is without what a film's hysteresis does to it."""
     knots = np.delete(np.array(CURVE_KNOTS_DEG), CURVE_KNOTS_DEG.index(0.0))
     if calibration is None:
         return np.full(knots.size, _CURVE_FLOOR_DEG)
-    sigma = np.interp(knots, calibration.angles_deg, calibration.sigma_knots_deg)
+    at_knots = calibration.sigma_knots_deg
+    if bare:
+        # Its hysteresis makes the curve look as rough as it is wide.
+        at_knots = np.minimum(at_knots, _BARE_CURVE_DEG)
+    sigma = np.interp(knots, calibration.angles_deg, at_knots)
     low, high = calibration.range_deg
     # The curve is a line beyond its ends, and real sensors are not.
     sigma = np.where(knots < low, 0.3 * (low - knots), sigma)
@@ -393,7 +414,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
     angle: list[Floats] = []
     level: list[Integers] = []
     windows, deviation, sigma, groups, settled, times = [], [], [], [], [], []
-    at = first_log = 0
+    at, log_starts = 0, [0]
     for number, calibration in enumerate(calibrations):
         before, start = 0.0, at
         for k, dwell in enumerate(calibration.dwells):
@@ -429,7 +450,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
         level.append(np.full(relax, _RELAX_LEVEL))
         angle.append(np.zeros(relax))
         at += relax
-        first_log = first_log or at
+        log_starts.append(at)
     average = np.eye(len(groups))
     for key in set(groups):
         members = [i for i, group in enumerate(groups) if group == key]
@@ -447,7 +468,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
         time_s=np.array(times),
         log=np.array([number for number, _ in groups]),
         known_deg=np.array([known for _, known in groups]),
-        first_log=first_log,
+        log_starts=np.array(log_starts),
     )
 
 

@@ -42,6 +42,7 @@ IN_COVARIANCE = ("sensor_nonlinearity", "sensor_slip", "parameter_shift", "mains
 TIMING_S = 0.006
 """How well the channels of one row belong together: a part of a sample period."""
 
+_TURNED = 0.6  # typical state, -1 to 1, of a film's hysteresis
 _SLOPE_STEP = 1e-4
 _MOST_STEPS = 16
 _PACE_STEP = 2e-3
@@ -232,6 +233,10 @@ class AngleProblem:
         logs = trials + len(evidence.data.calibrations)
         self.waves = at + np.arange(0 if self.pickup_hz is None else 2 * logs).reshape(-1, 2)
         at += self.waves.size
+        # How far a film with hysteresis had turned before each later calibration.
+        later = logs - trials - 1 if "sensor_hysteresis" in self.ids else 0
+        self.turned = at + np.arange(max(later, 0))
+        at += self.turned.size
         self.support = at + np.arange(evidence.supports)
         self.size = at + evidence.supports
         group = np.full(self.size, -1)
@@ -239,11 +244,14 @@ class AngleProblem:
         group[self.own] = [GAIN, OFFSET, PACE]
         group[self.support] = DISCREPANCY
         group[self.waves] = PICKUP
-        variance[self.curve] = evidence.curve_sigma_deg**2
+        bare = "sensor_hysteresis" in self.ids or "sensor_creep" in self.ids
+        curve_sigma = evidence.bare_curve_sigma_deg if bare else evidence.curve_sigma_deg
+        variance[self.curve] = curve_sigma**2
         if "sensor_nonlinearity" in self.ids:
             spread = [q.spread for q in LIBRARY["sensor_nonlinearity"].parameters]
             variance[self.curve] += np.square(spread)
         variance[self.late] = TIMING_S**2
+        variance[self.turned] = _TURNED**2
         if self.slips:
             variance[self.walk] = LIBRARY["sensor_slip"].parameters[0].spread ** 2
             group[self.steps] = SLIP
@@ -332,8 +340,16 @@ class AngleProblem:
                 Block(
                     fixture.deviation_deg - fixed,
                     1.0 / fixture.sigma_deg**2,
-                    np.hstack([fixture_slopes, self._fixture_wave(fixture)]),
-                    np.concatenate([np.arange(self.parameters), self.waves[trials:].ravel()]),
+                    np.hstack(
+                        [
+                            fixture_slopes,
+                            self._fixture_wave(fixture),
+                            self._fixture_turned(fixture, e),
+                        ]
+                    ),
+                    np.concatenate(
+                        [np.arange(self.parameters), self.waves[trials:].ravel(), self.turned]
+                    ),
                 )
             )
         if evidence.drift_deg.size:
@@ -357,6 +373,16 @@ class AngleProblem:
                 columns[here, 2 * log] = np.cos(phase[here])
                 columns[here, 2 * log + 1] = np.sin(phase[here])
         return np.asarray(fixture.average @ columns)
+
+    def _fixture_turned(self, fixture: Fixture, effects: Floats) -> Floats:
+        """Give what the later calibrations read more for a film turned once before each."""
+        columns = np.zeros((fixture.log.size, self.turned.size))
+        if self.turned.size:
+            change = fixture.simulate(effects, 1.0)[0] - fixture.simulate(effects)[0]
+            for log in range(self.turned.size):
+                here = fixture.log == log + 1
+                columns[here, log] = change[here]
+        return columns
 
     def at(self, z: Floats, rounds: int = 6) -> Fit:
         """Take `z` as it is: variances and nuisances alone are estimated."""
@@ -446,7 +472,9 @@ class AngleProblem:
             return np.zeros(0)
         predicted, _ = fixture.simulate(self.effects(z))
         waves = b[self.waves[len(self.evidence.grid.trials) :].ravel()]
-        return np.asarray(fixture.deviation_deg - predicted - self._fixture_wave(fixture) @ waves)
+        turned = self._fixture_turned(fixture, self.effects(z)) @ b[self.turned]
+        predicted = predicted + self._fixture_wave(fixture) @ waves + turned
+        return np.asarray(fixture.deviation_deg - predicted)
 
     def _drift(self, b: Floats) -> Floats:
         if not self.evidence.drift_deg.size:

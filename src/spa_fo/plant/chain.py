@@ -284,7 +284,8 @@ class Chain:
             into the grid's.
         """
         grid = self.grid
-        before = np.concatenate([[0.0], reading[:-1]])
+        # At rest before its first step: a film may read other than 0 there.
+        before = np.concatenate([reading[:1], reading[:-1]])
         if math.isnan(effects[_LATENCY]):
             y = (1.0 - share) * before[step] + share * reading[step]
         else:
@@ -378,6 +379,6 @@ def _delayed(
             length = 0.02 * 2.0 ** level[j]
             at += length
         at = max(at, 0.0)
-        before = reading[j - 1] if j > 0 else 0.0
+        before = reading[max(j - 1, 0)]
         out[i] = before + (reading[j] - before) * at / length
     return out
