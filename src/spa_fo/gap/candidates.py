@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.drive import DriveFit, fit_drive, fit_drives
 from spa_fo.gap.evidence import Evidence, angle_chain, modelled_pressure, tolerant
-from spa_fo.gap.explain import AngleProblem, Fit, Slot, best_fit, to_z
-from spa_fo.gap.pickup import Pickup, fast_line, is_absent_from_fixture, is_locked, slow_line
+from spa_fo.gap.explain import MOST_STEPS, AngleProblem, Fit, Slot, best_fit, to_z
+from spa_fo.gap.pickup import Pickup, fast_line, is_other_in_fixture, is_locked, slow_line
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -30,7 +30,7 @@ _MOST_TOGETHER = 5
 _WORTH_ADDING = 12.0  # nats
 _FREED = 8  # so many with the coefficients free
 _PRUNED = 4  # of the best sets, so many lose a member to see whether it was needed
-_SCREENING_STEPS = 4
+_SCREENING_STEPS, _GROWING_STEPS = 4, 7
 _PROMISING = 40.0  # nats behind the best after screening
 _STANDS_OUT, _NOTHING_KPA = 6.0, 0.5  # of a pressure in one trial: deviations of the noise, kPa
 RELEVANT, RELEVANT_PART = 0.35, 0.12
@@ -126,7 +126,7 @@ def consider(
     if "mains_pickup" not in excluded:
         slow = slow_line(fitter.problem((), level), start.searched)
         fit = fitter.fit(("mains_pickup",), level, start.searched, slow.frequency_hz)
-        if is_locked(evidence, fit) or is_absent_from_fixture(evidence, fit):
+        if is_locked(evidence, fit) or is_other_in_fixture(evidence, fit):
             del fitter.fits[(("mains_pickup",), level)]
     for pair in combinations(ranked[:_PAIRED], 2):
         fitter.joined(ordered(pair), level)
@@ -232,7 +232,7 @@ class _Fitter:
             fits.append(changed.fit(starts[0]))
         self.fits[((name,), level)] = best_fit(fits)
 
-    def joined(self, ids: Ids, level: str) -> Fit:
+    def joined(self, ids: Ids, level: str, most_steps: int = MOST_STEPS) -> Fit:
         """Fit several effects from where each came out alone."""
         problem = self.problem(ids, level)
         known = [self.fits[((name,), level)] for name in ids]
@@ -244,7 +244,7 @@ class _Fitter:
         }
         at_singles = np.array([values[slot.place] for slot in problem.slots])
         start = np.concatenate([better.searched[:5], at_singles])
-        self.fits[(ids, level)] = problem.fit(start)
+        self.fits[(ids, level)] = problem.fit(start, most_steps)
         return self.fits[(ids, level)]
 
     def grow(self, names: Sequence[str], level: str) -> None:
@@ -252,7 +252,7 @@ class _Fitter:
         best = best_fit([fit for (_, own), fit in self.fits.items() if own == level])
         while 2 <= len(best.ids) < _MOST_TOGETHER:
             wider = [
-                self.joined(ordered((*best.ids, name)), level)
+                self.joined(ordered((*best.ids, name)), level, _GROWING_STEPS)
                 for name in names
                 if name not in best.ids
             ]

@@ -31,12 +31,13 @@ _CURVE_FLOOR_DEG, _BARE_CURVE_DEG = 0.08, 0.25
 _FORM_ERROR = 0.04  # part of an effect that a right but foreign form misses
 _NEIGHBOURS = 7  # averaged samples
 _WINDOWS = 4  # of a calibration dwell
-_FILM = np.r_[
+FILM_SLOTS = np.r_[
     LIBRARY["sensor_hysteresis"].slots,
     LIBRARY["sensor_creep"].slots,
     LIBRARY["sensor_lag"].slots,
     LIBRARY["channel_latency"].slots,
 ]
+"""Parameters that the calibration fixture shows."""
 _FIXTURE_LEVEL = 1  # steps of the fixture's simulation: 0.04 s
 _RELAX_LEVEL = 7  # and of the time the sensor lies flat: 2.6 s
 _FIXTURE_FLOOR_DEG = 0.06
@@ -97,7 +98,7 @@ class Fixture:
         own = effects.copy()
         for name in ("sensor_nonlinearity", "sensor_saturation"):
             own[LIBRARY[name].slots] = np.nan  # of the seat: the fixture does not show them
-        if np.isnan(own[_FILM]).all():
+        if np.isnan(own[FILM_SLOTS]).all():
             return np.zeros(self.deviation_deg.size), Seat()
         film = np.zeros(4 + CREEP_TIMES_S.size)
         read = np.empty(self.angle_deg.size)

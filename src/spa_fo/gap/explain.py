@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.evidence import Evidence, Fixture, curve_columns
+from spa_fo.gap.evidence import FILM_SLOTS, Evidence, Fixture, curve_columns
 from spa_fo.gap.mixed import Block, Prior, Solution, normal_equations, solve
 from spa_fo.gap.search import climb
 from spa_fo.plant.chain import Chain, Seat
@@ -39,12 +39,21 @@ for that. Free they are those of another specimen, or of a model fitted to this 
 IN_COVARIANCE = ("sensor_nonlinearity", "sensor_slip", "parameter_shift", "mains_pickup")
 """Effects that are columns or variances here, not parameters of the simulation."""
 
+ANGLE_SLOTS = np.concatenate(
+    [
+        np.arange(effect.slots.start, effect.slots.stop)
+        for effect in LIBRARY.values()
+        if effect.stage in ("drive", "actuator")
+    ]
+)
+"""Parameters that the true angle depends on."""
+
 TIMING_S = 0.006
 """How well the channels of one row belong together: a part of a sample period."""
 
 _TURNED = 0.6  # typical state, -1 to 1, of a film's hysteresis
 _SLOPE_STEP = 1e-4
-_MOST_STEPS = 16
+MOST_STEPS = 16
 _PACE_STEP = 2e-3
 
 
@@ -157,6 +166,20 @@ class Fit:
         return float(np.sqrt(self.solution.variances[DISCREPANCY]))
 
 
+@dataclass(frozen=True)
+class _Base:
+    """Parts of a prediction that most parameters leave as they are, while slopes are taken."""
+
+    z: Floats
+    effects: Floats
+    angle_deg: Floats
+    in_fixture: tuple[Floats, Seat]
+
+
+def _same(one: Floats, other: Floats, slots: Integers) -> bool:
+    return np.array_equal(one[slots], other[slots], equal_nan=True)
+
+
 class AngleProblem:
     """The angles of a campaign and one explanation of them.
 
@@ -215,6 +238,7 @@ class AngleProblem:
         self.low = np.concatenate([[0.05, 0.02, -8.0, -8.0, -8.0], low])
         self.high = np.concatenate([[1.995, 1.98, 8.0, 8.0, 8.0], high])
         self.parameters = self.centre.size
+        self._base: _Base | None = None
         self._lay_columns()
 
     def _lay_columns(self) -> None:
@@ -267,16 +291,31 @@ class AngleProblem:
 
     def predict(self, z: Floats) -> tuple[Floats, Floats]:
         """Angles at the samples, and readings in the fixture."""
-        e = self.effects(z)
+        e, base = self.effects(z), self._base
+        if base is not None and _same(e, base.effects, FILM_SLOTS):
+            deviation, seat = base.in_fixture
+        else:
+            deviation, seat = self._in_fixture(e)
+        chain = self.chain.seated(seat)
+        if (
+            base is not None
+            and np.array_equal(z[:5], base.z[:5])
+            and _same(e, base.effects, ANGLE_SLOTS)
+        ):
+            angle = base.angle_deg
+        else:
+            angle, _ = chain.angles(to_x(z), e)
+        return chain.observed(chain.read(angle, e, chain.memory.film.copy()), e), deviation
+
+    def _in_fixture(self, effects: Floats) -> tuple[Floats, Seat]:
         fixture = self.evidence.fixture
-        if fixture is None:
-            return self.chain.run(to_x(z), e)[0], np.zeros(0)
-        deviation, seat = fixture.simulate(e)
-        return self.chain.seated(seat).run(to_x(z), e)[0], deviation
+        return (np.zeros(0), Seat()) if fixture is None else fixture.simulate(effects)
 
     def blocks(self, z: Floats) -> tuple[list[Block], Floats]:
         """Linearise at `z`: rows of all trials and calibrations; and the prediction."""
         evidence, grid = self.evidence, self.evidence.grid
+        e = self.effects(z)
+        self._base = _Base(z, e, self.chain.angles(to_x(z), e)[0], self._in_fixture(e))
         y, fixed = self.predict(z)
         slopes = np.empty((y.size, self.parameters))
         fixture_slopes = np.empty((fixed.size, self.parameters))
@@ -289,8 +328,7 @@ class AngleProblem:
             up, fixture_up = self.predict(moved)
             slopes[:, k] = (up - y) / step
             fixture_slopes[:, k] = (fixture_up - fixed) / step
-        e = self.effects(z)
-        seat = Seat() if evidence.fixture is None else evidence.fixture.simulate(e)[1]
+        _, seat = self._base.in_fixture
         quick, _ = self.chain.seated(seat).run(paced(to_x(z), 1.0 + _PACE_STEP), e)
         pace = (quick - y) / _PACE_STEP
         curve = curve_columns(y)
@@ -411,7 +449,7 @@ class AngleProblem:
         mean[: self.parameters] = self.centre - z
         return Prior(mean, self.variance, self.group, self.scales)
 
-    def fit(self, start: Floats, most_steps: int = _MOST_STEPS) -> Fit:
+    def fit(self, start: Floats, most_steps: int = MOST_STEPS) -> Fit:
         """Search from `start`.
 
         Returns

@@ -119,14 +119,15 @@ def is_locked(evidence: Evidence, fit: Fit) -> bool:
     return float(gammaincc(len(repeated), statistic)) < _LOCKED
 
 
-def is_absent_from_fixture(evidence: Evidence, fit: Fit) -> bool:
-    """Whether a wave of the trials is missing in the calibrations: pick-up is on the channel."""
+def is_other_in_fixture(evidence: Evidence, fit: Fit) -> bool:
+    """Whether the calibrations show a far smaller or larger wave: pick-up is on the channel."""
     if evidence.fixture is None:
         return False
     trials = len(evidence.grid.trials)
     amplitude = np.sqrt(np.sum(fit.waves_deg**2, axis=1))
     logs = amplitude[trials:]
-    return bool(logs.size and logs.max() < _SHOWS * float(np.median(amplitude[:trials])))
+    usual = float(np.median(amplitude[:trials]))
+    return bool(logs.size and (logs.max() < _SHOWS * usual or logs.min() > usual / _SHOWS))
 
 
 def _best_of(

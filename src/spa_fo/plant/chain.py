@@ -229,6 +229,11 @@ class Chain:
 
     def readings(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials; the reading (deg) at the end of each step."""
+        angle, memory = self.angles(x, effects)
+        return self.read(angle, effects, memory.film), memory
+
+    def angles(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
+        """Simulate all trials; the true angle (deg) at the end of each step, the film untouched."""
         grid, memory = self.grid, self.memory.copy()
         load = self._load(effects, memory.play_kpa)
         if not math.isnan(effects[DRIVE_BACKLASH]) and not self.is_pressure:
@@ -250,8 +255,11 @@ class Chain:
             memory.stops,
             memory.virgin,
         )
-        reading = read_angle(np.degrees(angle), grid.level, effects, memory.film)
-        return reading, replace(memory, ends_s=grid.ends_s)
+        return np.degrees(angle), replace(memory, ends_s=grid.ends_s)
+
+    def read(self, angle_deg: Floats, effects: Floats, film: Floats) -> Floats:
+        """Read true angles at the ends of the steps; `film` is carried on in place."""
+        return np.asarray(read_angle(angle_deg, self.grid.level, effects, film))
 
     def _load(self, effects: Floats, play: Floats) -> Floats:
         """Mean of u over each step."""
