@@ -69,12 +69,13 @@ def leak(signal, rate, makeup):
     return np.array(out)
 
 
-def creep(signal, per_decade, tilt, step):
+def creep(signal, per_decade, typical_s, decades, step):
     """Nine retarded elements, two a decade from 0.1 s, each after its own exponential."""
     total = np.zeros(signal.size)
     for number in range(9):
         time_constant = 10.0 ** (-1.0 + 0.5 * number)
-        size = 0.5 * per_decade * tilt ** (math.log10(time_constant) - 1.0)
+        away = math.log10(time_constant / typical_s) / decades
+        size = 0.5 * per_decade * math.exp(-0.5 * away**2)
         now, own = 0.0, []
         for value in signal:
             now += (size * value - now) * -math.expm1(-step / time_constant)

@@ -67,7 +67,7 @@ def test_effects_stand_together_in_any_order() -> None:
     for name in ("leak", "creep", "sensor_lag"):
         slots = LIBRARY[name].slots
         np.testing.assert_array_equal(found[slots], vector(name)[slots])
-    assert np.count_nonzero(~np.isnan(found)) == 6
+    assert np.count_nonzero(~np.isnan(found)) == 7
 
 
 def changed(name: str, change: Mapping[str, Any]) -> dict[str, Any]:
@@ -88,15 +88,15 @@ def changed(name: str, change: Mapping[str, Any]) -> dict[str, Any]:
     [
         (changed("creep", {"id": "crep"}), "id", "is 'crep', which is no known effect; did you"),
         (changed("creep", {"stage": "sensor"}), "stage", "is 'sensor', but creep belongs to the a"),
-        (changed("creep", {"parameters.tilt": None}), "parameters.tilt", "missing"),
+        (changed("creep", {"parameters.decades": None}), "parameters.decades", "missing"),
         (
-            changed("creep", {"parameters.tillt": 1.0}),
-            "parameters.tillt",
-            "is no parameter of creep; did you mean 'tilt'?",
+            changed("creep", {"parameters.decade": 1.0}),
+            "parameters.decade",
+            "is no parameter of creep; did you mean 'decades'?",
         ),
-        (changed("creep", {"parameters.tilt": "1"}), "parameters.tilt", "a number, found '1'"),
-        (changed("creep", {"parameters.tilt": True}), "parameters.tilt", "a number, found True"),
-        (changed("creep", {"parameters.tilt": 1e999}), "parameters.tilt", "a finite number"),
+        (changed("creep", {"parameters.decades": "1"}), "parameters.decades", "a number, found '1'"),
+        (changed("creep", {"parameters.decades": True}), "parameters.decades", "a number, found True"),
+        (changed("creep", {"parameters.decades": 1e999}), "parameters.decades", "a finite number"),
         (
             changed("creep", {"parameters.per_decade": -0.1}),
             "parameters.per_decade",

@@ -194,7 +194,7 @@ def _without_a1(document: dict[str, Any]) -> None:
 
 
 def _with_creep(document: dict[str, Any]) -> None:
-    parameters = {"per_decade": 0.03, "tilt": 1.0}
+    parameters = {"per_decade": 0.03, "typical_s": 12.0, "decades": 1.0}
     document["effects"] = [{"id": "creep", "stage": "actuator", "parameters": parameters}]
 
 

@@ -35,7 +35,7 @@ CREEP = Cause(
     {
         "creep": {
             "per_decade": {"value": 0.0349, "ci95": [0.0336, 0.0362]},
-            "tilt": {"value": 1.03, "ci95": None},
+            "decades": {"value": 1.03, "ci95": None},
         }
     },
     {},
@@ -236,7 +236,7 @@ def test_causes_left_out_of_the_table_are_added_up() -> None:
 
 def test_parameters_have_intervals_and_units() -> None:
     table = rows(sections(document(diagnosis()))["Which cause"])
-    assert table["creep of the material"][1] == "per decade 0.0349 (0.0336 to 0.0362), tilt 1.03"
+    assert table["creep of the material"][1] == "per decade 0.0349 (0.0336 to 0.0362), decades 1.03"
     assert table["pneumatic lag of the line + slip of the sensor"][1] == (
         "pneumatic lag of the line: time constant 0.15 (0.14 to 0.16) s; "
         "slip of the sensor: walk 0.2 (0.1 to 0.3)° per trial"

@@ -253,7 +253,7 @@ def test_creep_against_a_loop() -> None:
     static = X[4] / X[3]
     load = np.repeat(own[0].command_kpa, 2) / KPA
     p = parameters("creep")
-    slow = np.degrees(naive.creep(static * load, p["per_decade"], p["tilt"], STEP_S))
+    slow = np.degrees(naive.creep(static * load, *p.values(), STEP_S))
     crept = angles(own, vector("creep"))[0] - angles(own, absent())[0]
     assert crept.max() > 2.0
     np.testing.assert_allclose(crept[1:], slow[1::2][: crept.size - 1], atol=1e-6)
@@ -327,7 +327,7 @@ SENSORS = {
         [0.5 * (a + p["ceiling_deg"] - math.hypot(a - p["ceiling_deg"], p["knee_deg"])) for a in y]
     ),
     "sensor_hysteresis": lambda y, p: naive.duhem(y, p["width_deg"], p["turn_deg"]),
-    "sensor_creep": lambda y, p: y + naive.creep(y, p["per_decade"], p["tilt"], FINEST_STEP_S),
+    "sensor_creep": lambda y, p: y + naive.creep(y, *p.values(), FINEST_STEP_S),
     "sensor_lag": low_passed,
 }
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from spa_fo.gap.drive import DriveFit, fit_drive, fit_drives
 from spa_fo.gap.evidence import Evidence, angle_chain, modelled_pressure, tolerant
 from spa_fo.gap.explain import MOST_STEPS, AngleProblem, Fit, Slot, best_fit, to_z
-from spa_fo.gap.pickup import Pickup, fast_line, is_other_in_fixture, is_locked, slow_line
+from spa_fo.gap.pickup import Pickup, fast_line, is_locked, is_other_in_fixture, slow_line
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -114,7 +114,7 @@ def consider(
         and not (drives and LIBRARY[name].stage == "drive")
     ]
     base = fitter.fit((), "known")
-    free = fitter.fit((), "free", base.searched)
+    free = fitter.fit((), "free", base.searched)  # what every explanation has to beat
     level = "free" if own else "near"
     start = free if own else base
     ranked = fitter.singles(singles, level, start.searched)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.candidates import Candidates
-from spa_fo.gap.verdict import Scored
+from spa_fo.gap.candidates import Candidates, Ids
+from spa_fo.gap.verdict import Scored, refit_probability
 
 Floats = NDArray[np.float64]
 
@@ -25,14 +25,25 @@ _OF_EXPLAINED = 0.085
 _OF_FLOOR_EXACT, _OF_EXPLAINED_EXACT = 0.07, 0.02
 # Interference that swells and fades is not a single line.
 _OF_PICKUP = 0.5
-_FIXTURE_DEG, _OF_FIXTURE = 0.12, 0.4
+_FIXTURE_DEG, _OF_FIXTURE = 0.07, 0.15
 _OF_PRESSURE = 0.2
 _DRIFT_DEG, _OF_DRIFT = 0.3, 0.25
 # A trend counts where it moves the angle by this part of the floor and is so many errors large.
 _SWING, _CERTAIN, _FEWEST_TRIALS = 0.2, 4.5, 8
 _SHARPNESS = 4.0
-_MADE_UP_BY_SHIFT = 0.6
-"""Weight of explanations that need other coefficients beside an effect, as a sign of neither."""
+_MADE_UP = 0.6
+"""Weight of explanations that look made up of others, as a sign of neither."""
+KINDS: tuple[frozenset[str], ...] = (
+    frozenset({"dead_time", "line_lag", "slew_limit"}),
+    frozenset({"sensor_lag", "channel_latency", "sensor_creep", "sensor_hysteresis"}),
+    frozenset(
+        {"stiffening", "gravity_load", "contact_stop", "sensor_nonlinearity", "sensor_saturation"}
+    ),
+)
+"""Effects of one kind: smoothing of a jump, memory of the film, a static curve.
+
+Two of a kind together are mostly one that the library lacks, bent into shape by the other.
+"""
 
 
 @dataclass(frozen=True)
@@ -115,10 +126,19 @@ def unknown_probability(
             continue
         loud = stress(s, candidates, floor_deg).largest[1]
         own = loud**_SHARPNESS / (1.0 + loud**_SHARPNESS)
-        if "parameter_shift" in s.named and len(s.named) > 1:
-            own = max(own, _MADE_UP_BY_SHIFT)
+        if _is_made_up(s.named):
+            own = max(own, _MADE_UP)
         total += s.probability * own
+    # Identified again, the plain model may do as well as any effect.
+    total = 1.0 - (1.0 - total) * (1.0 - refit_probability(scored, candidates))
     return min(total, 0.999), stress(scored[0], candidates, floor_deg)
+
+
+def _is_made_up(named: Ids) -> bool:
+    """Whether a set looks like one effect that the library lacks, made up of others."""
+    if "parameter_shift" in named and len(named) > 1:
+        return True
+    return any(len(kind & set(named)) > 1 for kind in KINDS)
 
 
 def _drift(scored: Scored, candidates: Candidates) -> float:

@@ -157,6 +157,24 @@ def weigh(candidates: Candidates, floor_deg: float) -> list[Scored]:
     return sorted(found, key=lambda s: -s.probability)
 
 
+def refit_probability(scored: Sequence[Scored], candidates: Candidates) -> float:
+    """Probability that the plain model with other coefficients does as well, where it is no answer.
+
+    Identified again is what every explanation has to beat, also where the library is to lack a
+    shift of the parameters.
+    """
+    if candidates.own or "parameter_shift" not in candidates.excluded:
+        return 0.0
+    drive = candidates.drives.get(())
+    evidence = candidates.angles[((), "free")].log_evidence
+    evidence += drive.log_evidence if drive is not None else 0.0
+    refit = TEMPER * evidence + log_prior(("parameter_shift",))
+    best = scored[0]
+    score = TEMPER * best.explanation.log_evidence + log_prior(best.explanation.ids)
+    odds = np.exp(np.clip(score - refit, -50.0, 50.0)) / best.probability
+    return float(1.0 / (1.0 + odds))
+
+
 def moved_by(explanation: Explanation, candidates: Candidates) -> dict[str, float]:
     """RMS over the samples by which each effect of a set moves the angle, deg."""
     evidence = candidates.evidence
