@@ -20,3 +20,21 @@ def posterior(residual, noise, columns, mean, variance):
     covariance = np.diag(noise) + columns @ prior @ columns.T
     gain = prior @ columns.T @ np.linalg.inv(covariance)
     return mean + gain @ (residual - columns @ mean), prior - gain @ columns @ prior
+
+
+def em(normal, prior, variances, rounds):
+    """Variances of the groups by EM with their prior (Laird and Ware 1982), slowly."""
+    strength = 2.0
+    for _ in range(rounds):
+        spread = np.where(prior.group < 0, prior.variance, variances[prior.group])
+        covariance = np.linalg.inv(normal.matrix + np.diag(1.0 / spread))
+        b = covariance @ (normal.vector + prior.mean / spread)
+        second = b**2 + np.diag(covariance)
+        variances = np.array(
+            [
+                (second[prior.group == g].sum() + strength * prior.scale[g] ** 2)
+                / (np.count_nonzero(prior.group == g) + strength + 2.0)
+                for g in range(prior.scale.size)
+            ]
+        )
+    return variances

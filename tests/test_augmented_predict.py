@@ -94,8 +94,16 @@ def changed(name: str, change: Mapping[str, Any]) -> dict[str, Any]:
             "parameters.decade",
             "is no parameter of creep; did you mean 'decades'?",
         ),
-        (changed("creep", {"parameters.decades": "1"}), "parameters.decades", "a number, found '1'"),
-        (changed("creep", {"parameters.decades": True}), "parameters.decades", "a number, found True"),
+        (
+            changed("creep", {"parameters.decades": "1"}),
+            "parameters.decades",
+            "a number, found '1'",
+        ),
+        (
+            changed("creep", {"parameters.decades": True}),
+            "parameters.decades",
+            "a number, found True",
+        ),
         (changed("creep", {"parameters.decades": 1e999}), "parameters.decades", "a finite number"),
         (
             changed("creep", {"parameters.per_decade": -0.1}),

@@ -64,3 +64,14 @@ def test_more_rounds_never_lower_the_evidence():
     normal = normal_equations(blocks, size)
     evidence = [solve(normal, prior, np.array([0.04]), rounds=k).log_evidence for k in range(6)]
     assert np.all(np.diff(evidence) > -1e-6)
+
+
+def test_few_rounds_reach_what_em_creeps_towards():
+    blocks, dense, _, _ = problem(3, trials=12)
+    size = dense.shape[1]
+    group = np.array([-1, -1] + [0] * (size - 2))
+    prior = Prior(np.zeros(size), np.ones(size), group, np.array([0.2]))
+    normal = normal_equations(blocks, size)
+    quick = solve(normal, prior, np.array([0.04]), rounds=12)
+    slow = naive_gap.em(normal, prior, np.array([0.04]), rounds=500)
+    np.testing.assert_allclose(quick.variances, slow, rtol=0.02)

@@ -368,9 +368,10 @@ def test_a_tap_separates_what_the_angle_cannot(truth: str, other: str) -> None:
 
 
 def test_a_pair_without_remedy_by_pressure_does_not_choose_the_profile() -> None:
-    true = one("hysteresis")
+    strong = {"per_decade": 0.12}
+    creep, film = one("creep", creep=strong), one("sensor_creep", sensor_creep=strong)
     made = plan(
-        [one("creep"), one("sensor_creep"), fitted(true, one("creep"), UP_STEPS)],
+        [creep, film, fitted(one("hysteresis"), creep, UP_STEPS)],
         UP_STEPS,
         names=("up-step", "slow triangles", "staircase"),
     )

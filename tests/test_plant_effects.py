@@ -580,6 +580,23 @@ def check_grid(grid: CampaignGrid) -> None:
     assert (np.diff(grid.middle_s) > 0.0).all()
 
 
+def test_steps_are_fine_where_a_ramp_turns_and_coarse_between() -> None:
+    grid = campaign_grid(trials(triangle(ramp=8.0)), longest=4)
+    ends_s = np.cumsum(STEPS_S[grid.level[: grid.trial_steps[0]]])
+    lengths = np.diff(ends_s, prepend=0.0)
+    for corner_s in (8.0, 16.0):
+        assert lengths[np.searchsorted(ends_s, corner_s + 0.2)] <= 0.04
+    assert lengths[np.searchsorted(ends_s, 6.0)] == pytest.approx(STEPS_S[4])
+
+
+def test_a_coarse_grid_follows_a_triangle() -> None:
+    own = trials(triangle(ramp=4.0))
+    lag = vector("sensor_lag", time_constant_s=0.2, second_pole=0.4)
+    for effects in (absent(), lag):
+        fine, coarse = angles(own, effects)[0], angles(own, effects, longest=4)[0]
+        assert np.abs(fine - coarse).max() < 0.25
+
+
 def ragged(seed: int, samples: int, jumps: int, jitter: float, reset: bool, order: int) -> Trial:
     """Make a trial of uneven samples and a command of some jumps."""
     generator = np.random.default_rng(seed)

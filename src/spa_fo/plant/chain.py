@@ -257,9 +257,15 @@ class Chain:
         )
         return np.degrees(angle), replace(memory, ends_s=grid.ends_s)
 
-    def read(self, angle_deg: Floats, effects: Floats, film: Floats) -> Floats:
-        """Read true angles at the ends of the steps; `film` is carried on in place."""
-        return np.asarray(read_angle(angle_deg, self.grid.level, effects, film))
+    def read(
+        self, angle_deg: Floats, effects: Floats, film: Floats, level: Integers | None = None
+    ) -> Floats:
+        """Read true angles at the ends of steps, the grid's or those of `level`.
+
+        The state `film` is carried on in place.
+        """
+        level = self.grid.level if level is None else level
+        return np.asarray(read_angle(angle_deg, level, effects, film))
 
     def _load(self, effects: Floats, play: Floats) -> Floats:
         """Mean of u over each step."""
@@ -292,15 +298,18 @@ class Chain:
             into the grid's.
         """
         grid = self.grid
-        # At rest before its first step: a film may read other than 0 there.
-        before = np.concatenate([reading[:1], reading[:-1]])
+        # A film may read other than 0 at rest.
+        at_rest = self.read(np.zeros(1), effects, self.memory.film.copy(), grid.level[:1])
+        before = np.concatenate([at_rest, reading[:-1]])
         if math.isnan(effects[_LATENCY]):
             y = (1.0 - share) * before[step] + share * reading[step]
         else:
             delay, window = effects[_LATENCY : _LATENCY + 2]
             y = np.mean(
                 [
-                    _delayed(reading, grid.level, grid.step_starts, step, share, trial, late)
+                    _delayed(
+                        before, reading, grid.level, grid.step_starts, step, share, trial, late
+                    )
                     for late in smeared(delay, window)
                 ],
                 axis=0,
@@ -366,6 +375,7 @@ def _resting(effects: Floats) -> float:
 
 @njit
 def _delayed(
+    before: Floats,
     reading: Floats,
     level: Integers,
     starts: Integers,
@@ -387,6 +397,5 @@ def _delayed(
             length = 0.02 * 2.0 ** level[j]
             at += length
         at = max(at, 0.0)
-        before = reading[max(j - 1, 0)]
-        out[i] = before + (reading[j] - before) * at / length
+        out[i] = before[j] + (reading[j] - before[j]) * at / length
     return out

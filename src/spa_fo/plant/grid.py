@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _JUMP = 0.02  # of the largest input, within one cell
-_CORNER = 0.03  # of the largest input, by which it leaves its line within `_CORNER_S`
+_CORNER = 0.02  # of the largest input, by which it leaves its line within `_CORNER_S`
 _CORNER_S = 0.32
 _GROWTH = 10.0  # a step is at most this part of the time since the last jump or corner
 _LONGEST = 3  # level of the longest step within a trial: 0.16 s
@@ -245,14 +245,11 @@ def _steps(drive: Floats, largest: float, longest: int) -> Integers:
 def _corners(drive: Floats, jumps: Integers, least: float) -> Integers:
     """Find where a ramp begins, turns or ends: a response bends there nearly as after a jump."""
     width = round(_CORNER_S / FINEST_STEP_S)
-    if drive.size <= 3 * width:
-        return np.zeros(0, dtype=np.int64)
-    total = np.concatenate([[0.0], np.cumsum(drive)])
+    # Three windows about every cell, the drive held before its begin and after its end.
+    padded = np.pad(drive, (width + width // 2, 2 * width), mode="edge")
+    total = np.concatenate([[0.0], np.cumsum(padded)])
     mean = (total[width:] - total[:-width]) / width
-    bend = np.zeros(drive.size)
-    # Cell i lies at the middle of the second of three windows.
-    middle = np.arange(mean.size - 2 * width) + 3 * width // 2
-    bend[middle] = np.abs(mean[2 * width :] - 2.0 * mean[width:-width] + mean[: -2 * width])
+    bend = np.abs(mean[2 * width :] - 2.0 * mean[width:-width] + mean[: -2 * width])[: drive.size]
     for jump in jumps.tolist():
         bend[max(jump - 2 * width, 0) : jump + 2 * width] = 0.0
     found = []
