@@ -70,9 +70,9 @@ def leak(signal, rate, makeup):
 
 
 def creep(signal, per_decade, typical_s, decades, step):
-    """Nine retarded elements, two a decade from 0.1 s, each after its own exponential."""
+    """Ten retarded elements, two a decade from 0.1 s, each after its own exponential."""
     total = np.zeros(signal.size)
-    for number in range(9):
+    for number in range(10):
         time_constant = 10.0 ** (-1.0 + 0.5 * number)
         away = math.log10(time_constant / typical_s) / decades
         size = 0.5 * per_decade * math.exp(-0.5 * away**2)

@@ -56,6 +56,31 @@ def test_hysteresis_is_among_the_sets_and_closes_the_gap(hysteresis):
     assert low <= shrink["fraction_closed"] <= high
 
 
+def test_every_parameter_has_an_interval_about_it(hysteresis):
+    checked = set()
+    for cause in hysteresis[1]["causes"]:
+        for name, own in (cause.get("parameters") or {}).items():
+            for key, entry in own.items():
+                if key == "frequency_hz":
+                    continue
+                low, high = entry["ci95"]
+                assert low <= entry["value"] <= high
+                checked.add(name)
+    assert "hysteresis" in checked
+
+
+@pytest.mark.parametrize(
+    ("effect", "key"), [("parameter_shift", "a0"), ("sensor_slip", "walk_deg")]
+)
+def test_intervals_hold_what_was_put_in(tmp_path, effect, key):
+    case = Case("case_0002", 31, "closed", (effect,), form="a", sizes=(6.0,), protocol="up_steps")
+    document = run(written(tmp_path, case), tmp_path / "out")
+    put_in = build(case)[1]["parameters"][effect][key]
+    found = {tuple(c["set"]): c.get("parameters") for c in document["causes"]}[(effect,)]
+    low, high = found[effect][key]["ci95"]
+    assert low <= put_in <= high
+
+
 def test_same_seed_same_answer(hysteresis):
     folder, document = hysteresis
     assert run(folder, folder / "again") == document

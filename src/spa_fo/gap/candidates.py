@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from spa_fo.gap.drive import DriveFit, fit_drive, fit_drives
 from spa_fo.gap.evidence import Evidence, angle_chain, modelled_pressure, tolerant
 from spa_fo.gap.explain import MOST_STEPS, AngleProblem, Fit, Slot, best_fit, to_z
-from spa_fo.gap.pickup import Pickup, fast_line, is_locked, is_other_in_fixture, slow_line
+from spa_fo.gap.pickup import (
+    Pickup,
+    fast_line,
+    is_locked,
+    is_other_in_fixture,
+    is_uneven,
+    slow_line,
+)
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -126,10 +133,12 @@ def consider(
     if "mains_pickup" not in excluded:
         slow = slow_line(fitter.problem((), level), start.searched)
         fit = fitter.fit(("mains_pickup",), level, start.searched, slow.frequency_hz)
-        if is_locked(evidence, fit) or is_other_in_fixture(evidence, fit):
+        if any(speaks(evidence, fit) for speaks in (is_locked, is_uneven, is_other_in_fixture)):
             del fitter.fits[(("mains_pickup",), level)]
-    for pair in combinations(ranked[:_PAIRED], 2):
-        fitter.joined(ordered(pair), level)
+    # Beside the best one, an effect that shows little alone may show all the more.
+    pairs = [*combinations(ranked[:_PAIRED], 2), *((ranked[0], name) for name in ranked[_PAIRED:])]
+    for pair in pairs:
+        fitter.joined(ordered(pair), level, _GROWING_STEPS)
     fitter.grow(ranked[:_FREED], level)
     fitter.prune(level)
     return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow, tuple(excluded))

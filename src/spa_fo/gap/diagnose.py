@@ -27,6 +27,7 @@ from spa_fo.gap.explain import AngleProblem, to_z
 from spa_fo.gap.explanation import Explanation, augmented_model, simulate
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse, shrink
+from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
 from spa_fo.gap.plan import next_experiment
 from spa_fo.gap.unknown import Stress, unknown_probability
@@ -407,7 +408,7 @@ def _causes(
     candidates: Candidates, everything: Evidence, held: HeldOut, verdict: Verdict
 ) -> tuple[Cause, ...]:
     named = 1.0 - verdict.unknown
-    where = judged(everything, held)
+    where, orders = judged(everything, held), everything.grid.orders
     causes = []
     for rank, s in enumerate(verdict.scored):
         e = s.explanation
@@ -419,7 +420,7 @@ def _causes(
                 probability=named * s.probability,
                 parameters={
                     name: own
-                    for name, own in _with_intervals(e, candidates.given, everything).items()
+                    for name, own in with_intervals(e, candidates.given, orders).items()
                     if name in s.named
                 },
                 transfer_function=x,
@@ -439,41 +440,6 @@ def _causes(
     total = sum(cause.probability for cause in causes)
     causes = [replace(cause, probability=cause.probability / total) for cause in causes]
     return tuple(sorted(causes, key=lambda cause: -cause.probability))
-
-
-def _with_intervals(
-    explanation: Explanation, given: Floats, evidence: Evidence
-) -> Mapping[str, Mapping[str, Mapping[str, Any]]]:
-    """Parameters with intervals of 95 %, of the fits' normal approximation."""
-    values = explanation.parameters(given, evidence.grid.orders)
-    errors: dict[tuple[str, str], float] = {}
-    logs: set[tuple[str, str]] = set()
-    sources = [(explanation.fit, 5)]
-    if explanation.drive is not None:
-        sources.append((explanation.drive, 0))  # type: ignore[arg-type]
-    for fit, first in sources:
-        sigma = np.sqrt(np.diag(fit.solution.covariance()))
-        at = first
-        for name in fit.ids:
-            if name in ("sensor_nonlinearity", "sensor_slip", "parameter_shift", "mains_pickup"):
-                continue
-            for parameter in LIBRARY[name].parameters:
-                errors[(name, parameter.name)] = float(sigma[at])
-                if parameter.log:
-                    logs.add((name, parameter.name))
-                at += 1
-    result: dict[str, dict[str, dict[str, Any]]] = {}
-    for name, own in values.items():
-        result[name] = {}
-        for key, value in own.items():
-            error = errors.get((name, key))
-            interval = None
-            if error is not None and (name, key) in logs:
-                interval = [value * float(np.exp(k * 1.96 * error)) for k in (-1, 1)]
-            elif error is not None:
-                interval = [value - 1.96 * error, value + 1.96 * error]
-            result[name][key] = {"value": value, "ci95": interval}
-    return result
 
 
 def _smallest_bic(candidates: Candidates) -> list[str]:

@@ -12,12 +12,14 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from spa_fo.gap.evidence import Evidence, modelled_pressure
 from spa_fo.gap.explain import TIMING_S, Slot
 from spa_fo.gap.mixed import Block, Prior, Solution
-from spa_fo.gap.search import climb
+from spa_fo.gap.search import climb, point_at
 from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +27,11 @@ _OFFSET_KPA, _GAIN = 0.4, 0.004  # of the pressure sensor
 
 _BLUR = 0.5  # of the change of pressure within six cells: when exactly it changed is not known
 _MOST_STEPS = 16
+_TRIED = 4  # starts
+_UNSTEADY = (0.0, 0.35)
+_OF_REACH = 0.4  # deviation of a jump that comes anywhere within its reach, of its size
+# A jump that comes late by many cells does not say which way it should move.
+_DELAYS_S = tuple(np.geomspace(0.01, 1.5, 40).tolist())
 
 
 @dataclass(frozen=True)
@@ -64,30 +71,42 @@ class DriveFit:
     log_evidence: float
 
 
-def fit_drive(evidence: Evidence, ids: Sequence[str]) -> DriveFit:
-    """Fit the drive effects `ids` to the pressure."""
-    return _Problem(evidence, ids).best()
+def fit_drive(evidence: Evidence, ids: Sequence[str], start: Floats | None = None) -> DriveFit:
+    """Fit the drive effects `ids` to the pressure, from the best of their starts or from `start`.
+
+    A dead time may be steady, or vary from jump to jump, as that of a controller which looks for
+    commands now and then.
+    """
+    fits = []
+    for unsteady in _UNSTEADY if "dead_time" in ids else (0.0,):
+        problem = _Problem(evidence, ids, unsteady)
+        fits.append(problem.best() if start is None else problem.fit(start))
+    return max(fits, key=lambda fit: fit.log_evidence)
 
 
 def fit_drives(evidence: Evidence, excluded: Sequence[str] = ()) -> dict[tuple[str, ...], DriveFit]:
-    """Fit no effect, every single drive effect, and pairs of those that help, to the pressure."""
+    """Fit no effect, every single drive effect, and pairs of those that help, to the pressure.
+
+    Beside the best one, an effect that shows little alone may show all the more.
+    """
     names = [
         name for name, effect in LIBRARY.items() if effect.stage == "drive" and name not in excluded
     ]
     fits: dict[tuple[str, ...], DriveFit] = {(): fit_drive(evidence, ())}
     for name in names:
         fits[(name,)] = fit_drive(evidence, (name,))
-    ranked = sorted(names, key=lambda name: -fits[(name,)].log_evidence)[:4]
-    for one, other in combinations(ranked, 2):
+    ranked = sorted(names, key=lambda name: -fits[(name,)].log_evidence)
+    for one, other in sorted({*combinations(ranked[:4], 2), *((ranked[0], n) for n in ranked[1:])}):
         pair = tuple(sorted((one, other), key=names.index))
         start = np.concatenate([fits[(name,)].searched for name in pair])
-        fits[pair] = _Problem(evidence, pair).fit(start)
+        fits[pair] = fit_drive(evidence, pair, start)
     return fits
 
 
 class _Problem:
-    def __init__(self, evidence: Evidence, ids: Sequence[str]) -> None:
+    def __init__(self, evidence: Evidence, ids: Sequence[str], unsteady: float = 0.0) -> None:
         self.evidence = evidence
+        self.unsteady = unsteady  # part of a dead time by which it varies from jump to jump
         self.ids = tuple(ids)
         grid = evidence.grid
         assert grid.measured_kpa is not None
@@ -129,7 +148,9 @@ class _Problem:
         return e
 
     def predict(self, z: Floats) -> Floats:
-        cells = modelled_pressure(self.evidence, self.effects(z))
+        return self._sampled(modelled_pressure(self.evidence, self.effects(z)))
+
+    def _sampled(self, cells: Floats) -> Floats:
         # A row's pressure is read before its command acts: it belongs to the cell that ends there,
         # so an averaged sample is the mean over just the cells of its step.
         grid = self.evidence.grid
@@ -148,13 +169,25 @@ class _Problem:
             moved[k] += step
             slopes[:, k] = (self.predict(moved) - y) / step
         sensor = np.column_stack([np.ones(y.size), y, self._late(y)])
+        noise = self.noise + self._unsteadiness(z)
         blocks = []
         for i in np.flatnonzero(evidence.takes_part):
             rows = evidence.rows[i]
             columns = np.hstack([slopes[rows], sensor[rows], evidence.support[i]])
             index = np.concatenate([np.arange(p + 3), p + 3 + evidence.support_index[i]])
-            blocks.append(Block(measured[rows] - y[rows], 1.0 / self.noise[rows], columns, index))
+            blocks.append(Block(measured[rows] - y[rows], 1.0 / noise[rows], columns, index))
         return blocks, y
+
+    def _unsteadiness(self, z: Floats) -> Floats:
+        """Variance of each averaged sample where a jump may come sooner or later, kPa²."""
+        effects = self.effects(z)
+        delay_s = effects[LIBRARY["dead_time"].first]
+        if not self.unsteady * delay_s > 0.0:
+            return np.zeros(self.noise.size)
+        cells = modelled_pressure(self.evidence, effects)
+        window = 2 * round(self.unsteady * delay_s / FINEST_STEP_S) + 1
+        reach = maximum_filter1d(cells, window) - minimum_filter1d(cells, window)
+        return np.square(_OF_REACH * self._sampled(reach))
 
     def _late(self, y: Floats) -> Floats:
         """Say what a log that is late by a second would add, to first order; jumps left out."""
@@ -164,12 +197,19 @@ class _Problem:
         return np.clip(slope, -20.0, 20.0)
 
     def best(self) -> DriveFit:
-        """Fit from every start of the effects' parameters."""
+        """Fit from the most probable starts of the effects' parameters."""
+        return max((self.fit(point) for point in self.starts()), key=lambda f: f.log_evidence)
+
+    def starts(self) -> list[Floats]:
+        """List the most probable starts."""
         points = [np.zeros(0)]
         for slot in self.slots:
-            starts = slot.parameter.starts
+            starts = _DELAYS_S if slot.parameter.name == "delay_s" else slot.parameter.starts
             points = [np.append(point, slot.searched(v)) for point in points for v in starts]
-        return max((self.fit(point) for point in points), key=lambda fit: fit.log_evidence)
+        if len(points) > _TRIED:
+            variances = self.scales**2
+            points.sort(key=lambda z: -point_at(self, self.inside(z), variances).log_posterior)
+        return points[:_TRIED]
 
     def prior(self, z: Floats) -> Prior:
         """Prior of all columns' coefficients, those of the parameters as steps from `z`."""

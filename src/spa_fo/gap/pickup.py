@@ -19,6 +19,7 @@ _SLOWEST_FAST_HZ = 3.2  # of the lines that the averaged samples do not show
 _SLOW_HZ = np.geomspace(0.02, _SLOWEST_FAST_HZ, 30)
 _LOCKED = 0.01  # probability of phases so much alike by chance
 _SHOWS = 0.3  # of the trials' amplitude
+_UNEVEN = 1.6
 _FEWEST = 4  # samples of a step that say something about what is fast
 
 
@@ -117,6 +118,16 @@ def is_locked(evidence: Evidence, fit: Fit) -> bool:
         return False
     statistic = sum(float(abs(np.sum(w)) ** 2 / np.sum(np.abs(w) ** 2)) for w in repeated)
     return float(gammaincc(len(repeated), statistic)) < _LOCKED
+
+
+def is_uneven(evidence: Evidence, fit: Fit) -> bool:
+    """Whether a wave is strong in some trials only: a transient is, pick-up hardly.
+
+    By the amplitudes' fourth moment: 1 where all are alike, 2 for random ones.
+    """
+    trials = len(evidence.grid.trials)
+    power = np.sum(fit.waves_deg[:trials] ** 2, axis=1)[evidence.takes_part]
+    return bool(np.mean(power**2) > _UNEVEN * np.mean(power) ** 2)
 
 
 def is_other_in_fixture(evidence: Evidence, fit: Fit) -> bool:

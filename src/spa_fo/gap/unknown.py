@@ -19,17 +19,17 @@ Floats = NDArray[np.float64]
 
 # A right explanation leaves about these parts of the noise floor and of what it explains. Found
 # on campaigns of the virtual rig with seeds below 1000.
-_OF_FLOOR = 0.17
-_OF_EXPLAINED = 0.085
+_OF_FLOOR = 0.13
+_OF_EXPLAINED = 0.065
 # The plain physics with other coefficients is no foreign form: it leaves noise alone.
 _OF_FLOOR_EXACT, _OF_EXPLAINED_EXACT = 0.07, 0.02
 # Interference that swells and fades is not a single line.
 _OF_PICKUP = 0.5
 _FIXTURE_DEG, _OF_FIXTURE = 0.07, 0.15
-_OF_PRESSURE = 0.2
-_DRIFT_DEG, _OF_DRIFT = 0.3, 0.25
+_OF_PRESSURE = 0.13
+_DRIFT_DEG, _OF_DRIFT = 0.22, 0.18
 # A trend counts where it moves the angle by this part of the floor and is so many errors large.
-_SWING, _CERTAIN, _FEWEST_TRIALS = 0.2, 4.5, 8
+_SWING, _CERTAIN, _FEWEST_TRIALS = 0.2, 4.2, 8
 _SHARPNESS = 4.0
 _MADE_UP = 0.6
 """Weight of explanations that look made up of others, as a sign of neither."""
@@ -83,7 +83,8 @@ def stress(scored: Scored, candidates: Candidates, floor_deg: float) -> Stress:
     fixture = 0.0
     if evidence.fixture is not None:
         seen = float(np.sqrt(np.mean(evidence.fixture.deviation_deg**2)))
-        fixture = scored.fixture_deg / float(np.hypot(_FIXTURE_DEG, _OF_FIXTURE * seen))
+        of_fixture = _OF_PICKUP if "mains_pickup" in scored.named else _OF_FIXTURE
+        fixture = scored.fixture_deg / float(np.hypot(_FIXTURE_DEG, of_fixture * seen))
     pressure = 0.0
     if candidates.drives:
         gain = candidates.given[4] / candidates.given[3] / evidence.data.campaign.reference_kpa

@@ -26,7 +26,7 @@ CREEP = LIBRARY["creep"].first
 HYSTERESIS = LIBRARY["hysteresis"].first
 THERMAL_DRIFT = LIBRARY["thermal_drift"].first
 
-CREEP_TIMES_S = np.logspace(-1.0, 3.0, 9)  # two a decade
+CREEP_TIMES_S = np.logspace(-1.0, 3.5, 10)  # two a decade
 _DECADE = 0.5  # of creep time that one element stands for
 STOPS = 4
 MULLINS_LEVELS = np.deg2rad(np.arange(5.0, 90.0, 10.0))
