@@ -84,12 +84,15 @@ def creep(signal, per_decade, typical_s, decades, step):
     return total
 
 
-def duhem(angle, width, turn):
-    """Lag of the film behind the angle: w' = (sign(θ') - w) |θ'| / turn, finely stepped."""
+def duhem(angle, width, turn, exponent):
+    """Lag of the film; what is left of the way falls as r' = -r^n |θ'| / turn, stepped."""
     out, state, before = [], 0.0, 0.0
     for value in angle:
         for part in np.full(200, (value - before) / 200.0):
-            state += (math.copysign(1.0, part) - state) * abs(part) / turn if part else 0.0
+            way = math.copysign(1.0, part)
+            left = 0.5 * abs(way - state)
+            left = max(left - left**exponent * abs(part) / turn, 0.0)
+            state = way * (1.0 - 2.0 * left) if part else state
         before = value
         out.append(value - 0.5 * width * state)
     return np.array(out)

@@ -38,7 +38,7 @@ SIZES: dict[str, dict[str, float]] = {
     "sensor_saturation": {"ceiling_deg": 50.0, "knee_deg": 3.0},
     "sensor_lag": {"time_constant_s": 0.3, "second_pole": 0.3},
     "sensor_creep": {"per_decade": 0.06, "typical_s": 6.0, "decades": 0.8},
-    "sensor_hysteresis": {"width_deg": 3.0, "turn_deg": 4.0},
+    "sensor_hysteresis": {"width_deg": 3.0, "turn_deg": 4.0, "exponent": 0.6},
     "sensor_slip": {"walk_deg": 0.4, "zero_deg": -1.0},
     "channel_latency": {"delay_s": 0.13},
     "mains_pickup": {"amplitude_deg": 1.0},

@@ -326,7 +326,7 @@ SENSORS = {
     "sensor_saturation": lambda y, p: np.array(
         [0.5 * (a + p["ceiling_deg"] - math.hypot(a - p["ceiling_deg"], p["knee_deg"])) for a in y]
     ),
-    "sensor_hysteresis": lambda y, p: naive.duhem(y, p["width_deg"], p["turn_deg"]),
+    "sensor_hysteresis": lambda y, p: naive.duhem(y, *p.values()),
     "sensor_creep": lambda y, p: y + naive.creep(y, *p.values(), FINEST_STEP_S),
     "sensor_lag": low_passed,
 }

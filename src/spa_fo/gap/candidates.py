@@ -203,7 +203,20 @@ class _Fitter:
         self.fits: dict[tuple[Ids, str], Fit] = {}
 
     def problem(self, ids: Ids, level: str, pickup_hz: float | None = None) -> AngleProblem:
-        return AngleProblem(self.evidence, self.chain, self.given, ids, level, pickup_hz=pickup_hz)
+        return AngleProblem(
+            self.evidence,
+            self.chain,
+            self.given,
+            ids,
+            level,
+            pickup_hz=pickup_hz,
+            changed=self._has_changed(level) and "sensor_nonlinearity" in ids,
+        )
+
+    def _has_changed(self, level: str) -> bool:
+        """Whether the curve alone did better as that of later calibrations too."""
+        alone = self.fits.get((("sensor_nonlinearity",), level))
+        return alone is not None and alone.changed
 
     def fit(
         self, ids: Ids, level: str, start: Floats | None = None, pickup_hz: float | None = None

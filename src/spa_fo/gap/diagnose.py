@@ -397,6 +397,7 @@ def _refit(candidates: Candidates, evidence: Evidence, chosen: Explanation) -> E
         fit.ids,
         fit.level,
         pickup_hz=pickup_hz,
+        changed=fit.changed,
     )
     drive = chosen.drive
     if drive is not None:

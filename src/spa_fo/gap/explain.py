@@ -140,6 +140,8 @@ class Fit:
         Each trial's own gain, rest angle, pace.
     log_evidence : float
         Of all rows.
+    changed : bool
+        Whether an unknown sensor curve was taken for that of later calibrations too.
     """
 
     ids: tuple[str, ...]
@@ -159,6 +161,7 @@ class Fit:
     waves_deg: Floats
     trial_effects: Floats
     log_evidence: float
+    changed: bool = False
 
     @property
     def discrepancy(self) -> float:
@@ -502,6 +505,7 @@ class AngleProblem:
             waves_deg=b[self.waves],
             trial_effects=b[self.own],
             log_evidence=solution.log_evidence,
+            changed=self.changed,
         )
 
     def _fixture_left(self, z: Floats, b: Floats) -> Floats:

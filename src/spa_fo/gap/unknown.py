@@ -26,7 +26,7 @@ _OF_FLOOR_EXACT, _OF_EXPLAINED_EXACT = 0.07, 0.02
 # Interference that swells and fades is not a single line.
 _OF_PICKUP = 0.5
 _FIXTURE_DEG, _OF_FIXTURE = 0.07, 0.15
-_OF_PRESSURE = 0.13
+_OF_PRESSURE = 0.18
 _DRIFT_DEG, _OF_DRIFT = 0.22, 0.18
 # A trend counts where it moves the angle by this part of the floor and is so many errors large.
 _SWING, _CERTAIN, _FEWEST_TRIALS = 0.2, 4.2, 8

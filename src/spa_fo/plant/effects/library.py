@@ -224,6 +224,7 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
         (
             _size("width_deg", "deg", 2.0, 20.0, 1.0),
             _shape("turn_deg", "deg", 3.0, 2.5, 0.3, 40.0, 2.0, 7.0),
+            _shape("exponent", "1", 0.8, 1.5, 0.3, 2.0),
         ),
     ),
     (

@@ -51,7 +51,8 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
     if not math.isnan(e[SENSOR_SATURATION]):
         _saturate(y, e[SENSOR_SATURATION], e[SENSOR_SATURATION + 1])
     if not math.isnan(e[SENSOR_HYSTERESIS]):
-        _loop(y, e[SENSOR_HYSTERESIS], e[SENSOR_HYSTERESIS + 1], film)
+        k = SENSOR_HYSTERESIS
+        _loop(y, e[k], e[k + 1], e[k + 2], film)
     if not math.isnan(e[SENSOR_CREEP]):
         size = creep_sizes(e[SENSOR_CREEP], e[SENSOR_CREEP + 1], e[SENSOR_CREEP + 2])
         _creep(y, level, size, film[4:])
@@ -90,15 +91,24 @@ def _saturate(y: Floats, ceiling: float, knee: float) -> None:
 
 
 @njit
-def _loop(y: Floats, width: float, turn: float, film: Floats) -> None:
-    """Duhem loop: the film lags by up to width/2, turning round over `turn` degrees."""
+def _loop(y: Floats, width: float, turn: float, exponent: float, film: Floats) -> None:
+    """Duhem loop: the film lags by up to width/2, turning round over `turn` degrees.
+
+    What is left of the way r falls as dr/dθ = -r^exponent/turn: with 1 exponentially, with 1/2 as
+    a stack of plays of all widths does (Visintin 1994, doi:10.1007/978-3-662-11557-2).
+    """
     state, before = film[0], film[1]
     for i in range(y.size):
         moved = y[i] - before
         before = y[i]
-        decay = math.exp(-abs(moved) / turn)
         target = 1.0 if moved > 0.0 else -1.0
-        state = target + (state - target) * decay
+        left = 0.5 * abs(target - state)
+        if abs(1.0 - exponent) < 1e-3:
+            left *= math.exp(-abs(moved) / turn)
+        else:
+            power = left ** (1.0 - exponent) - (1.0 - exponent) * abs(moved) / turn
+            left = power ** (1.0 / (1.0 - exponent)) if power > 0.0 else 0.0
+        state = target * (1.0 - 2.0 * left)
         y[i] -= 0.5 * width * state
     film[0], film[1] = state, before
 
