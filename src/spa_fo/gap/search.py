@@ -87,7 +87,8 @@ def climb(problem: Problem, start: Floats, most_steps: int) -> tuple[Point, Solu
     point : Point
         The best point met.
     solution : Solution
-        Of its linearisation: all coefficients, and Laplace's evidence.
+        At this point: coefficients of the nuisances, those of the parameters' steps being 0; the
+        factor of all of them; and Laplace's evidence.
     """
     best = point_at(problem, problem.inside(start), problem.scales**2)
     damping = _DAMPING
@@ -103,20 +104,40 @@ def climb(problem: Problem, start: Floats, most_steps: int) -> tuple[Point, Solu
             damping = _FACTOR * max(damping, _DAMPING)
         if 0.0 < gained < _CONVERGED:
             break
-    prior = problem.prior(best.z)
-    return best, solve(best.normal, prior, best.variances, rounds=_FINAL_ROUNDS)
+    return best, _laplace(problem, best)
+
+
+def _laplace(problem: Problem, point: Point) -> Solution:
+    """Take the linearisation for the curvature alone: its optimum may lie where nothing is so."""
+    p = problem.parameters
+    full = solve(point.normal, problem.prior(point.z), point.variances, rounds=_FINAL_ROUNDS)
+    held = _held(problem, point.z, point.normal, full.variances, rounds=0)
+    step = full.coefficients[:p]
+    missed = 0.0
+    if p:
+        missed = 0.5 * float(step @ np.linalg.solve(full.covariance()[:p, :p], step))
+    return replace(
+        full,
+        coefficients=np.concatenate([np.zeros(p), held.coefficients]),
+        log_evidence=full.log_evidence - missed,
+    )
+
+
+def _held(problem: Problem, z: Floats, normal: Normal, variances: Floats, rounds: int) -> Solution:
+    """Estimate the nuisances with the parameters held at `z`."""
+    prior = problem.prior(z)
+    rest = slice(problem.parameters, None)
+    inner = replace(normal, matrix=normal.matrix[rest, rest], vector=normal.vector[rest])
+    nuisances = Prior(prior.mean[rest], prior.variance[rest], prior.group[rest], prior.scale)
+    return solve(inner, nuisances, variances, rounds)
 
 
 def point_at(problem: Problem, z: Floats, variances: Floats) -> Point:
     """Linearise at `z` and integrate the nuisances out, their variances starting from these."""
     blocks, y = problem.blocks(z)
     normal = normal_equations(blocks, problem.size)
-    prior = problem.prior(z)
-    rest = slice(problem.parameters, None)
-    inner = replace(normal, matrix=normal.matrix[rest, rest], vector=normal.vector[rest])
-    nuisances = Prior(prior.mean[rest], prior.variance[rest], prior.group[rest], prior.scale)
-    held = solve(inner, nuisances, variances, rounds=_POINT_ROUNDS)
-    away = prior.mean[: problem.parameters] / problem.spread
+    held = _held(problem, z, normal, variances, rounds=_POINT_ROUNDS)
+    away = problem.prior(z).mean[: problem.parameters] / problem.spread
     posterior = held.log_evidence - 0.5 * float(away @ away)
     return Point(z, y, blocks, normal, held.variances, posterior)
 
