@@ -185,7 +185,7 @@ def _build(document: Mapping[str, Any], folder: Path) -> Campaign:
         name=document["name"],
         material=document["material"],
         provenance=Provenance(**document["provenance"]),
-        log=_log_format(document["log"], folder / "campaign.yaml"),
+        log=log_format(document["log"], folder / "campaign.yaml"),
         reference_kpa=float(document["input"]["reference_kpa"]),
         experiments=experiments,
         calibration=tuple(sorted(calibration, key=lambda item: item.started_s)),
@@ -219,7 +219,7 @@ def _pressure_sensor(entry: Mapping[str, Any] | None, path: Path) -> PressureSen
     )
 
 
-def _log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
+def log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
     if entry["format"] == "spa-rig":
         extra = sorted(set(entry) - {"format"})
         if extra:
