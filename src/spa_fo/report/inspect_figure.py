@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from spa_fo.report.style import (
     BLACK,
@@ -65,21 +66,30 @@ def inspect_figure(inspection: Inspection) -> Figure:
 def _draw_input(axes: Axes, inspection: Inspection) -> None:
     """Draw command and pressure, on two scales where their units differ."""
     signals, columns = inspection.signals, inspection.log.columns or {}
-    raw = "command" in columns and columns["command"].unit == "1"
     counts = inspection.kind == "spa-rig"
-    second = axes
+    unitless = "command" in columns and columns["command"].unit == "1"
+    lines: list[Line2D] = []
     if "command" in signals:
-        axes.step(inspection.t_s, signals["command"], where="post", color=BLACK, linestyle="--")
-        axes.set_ylabel("command" if raw else "command (kPa)")
+        lines += axes.plot(
+            inspection.t_s,
+            signals["command"],
+            drawstyle="steps-post",
+            color=BLACK,
+            linestyle="--",
+            label="command",
+        )
+        axes.set_ylabel("command" if unitless else "command (kPa)")
     if "pressure" in signals:
-        if "command" in signals and (raw or counts):
+        second = axes
+        if "command" in signals and (unitless or counts):
             second = axes.twinx()
             second.grid(visible=False)
             second.spines["right"].set_visible(True)
-        second.plot(inspection.t_s, signals["pressure"], color=VERMILION, linestyle="-")
-        own = "pressure (counts)" if counts else "pressure (kPa)"
-        shared = second is axes and "command" in signals
-        second.set_ylabel("command (dashed), pressure (kPa)" if shared else own)
+        lines += second.plot(
+            inspection.t_s, signals["pressure"], color=VERMILION, linestyle="-", label="pressure"
+        )
+        second.set_ylabel("pressure (counts)" if counts else "pressure (kPa)")
+    axes.legend(handles=lines, loc="upper right")
 
 
 def _draw_steps(axes: Axes, inspection: Inspection) -> None:

@@ -277,7 +277,7 @@ def _rest_value(table: Table, look: _Look, command: Guess | None) -> float:
         rows = rest_rows(table.values[:, command.place])
         before = table.values[:rows, look.place]
         before = before[np.isfinite(before)]
-        if 0 < before.size and rows < len(table.values):
+        if before.size > 0 and rows < len(table.values):
             return _round(float(np.median(before)))
     return _round(float(np.percentile(look.values, 10.0)))
 
