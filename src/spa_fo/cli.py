@@ -1,4 +1,4 @@
-"""The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``plan``.
+"""The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``plan``, and the rig's.
 
 Every command leaves with 0 when done and with 2 on bad input, after one clear line on stderr.
 """
@@ -17,6 +17,7 @@ from spa_fo import __version__
 from spa_fo.atomic import write_text
 from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error, keep_blas_to_one_thread
 from spa_fo.errors import BadInput
+from spa_fo.rig_cli import add_rig_commands
 
 if TYPE_CHECKING:
     from spa_fo.identify import Bounds
@@ -49,6 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_predict(commands)
     _add_diagnose(commands)
     _add_plan(commands)
+    add_rig_commands(commands, _command)
     return parser
 
 

@@ -153,12 +153,13 @@ def read_campaign(folder: Path | str) -> Campaign:
         raise BadInput(path, "is missing; expected the description of the campaign")
     document = load_yaml(path)
     validate(document, package_schema("spa_fo.rig", "campaign.schema.yaml"), path)
-    campaign = _build(document, folder)
+    campaign = build_campaign(document, folder)
     _check_sense(campaign)
     return replace(campaign, warnings=_check_files(campaign))
 
 
-def _build(document: Mapping[str, Any], folder: Path) -> Campaign:
+def build_campaign(document: Mapping[str, Any], folder: Path) -> Campaign:
+    """Build a campaign from a valid campaign.yaml; nothing is checked against the files."""
     calibration = [
         CalibrationFile(_plain(item["file"]), folder / item["file"], float(item["started_s"]))
         for item in document.get("calibration", [])

@@ -169,6 +169,18 @@ def read_trials(campaign: Campaign) -> CampaignData:
     )
 
 
+def earliest_calibration(campaign: Campaign) -> Calibration | None:
+    """Read the calibration that every angle of a campaign comes through; None where it has none.
+
+    Raises
+    ------
+    BadInput
+        Its log cannot be used.
+    """
+    first = next(iter(campaign.calibration), None)
+    return None if first is None else _read_calibration(campaign, first)[0]
+
+
 def _read_calibration(campaign: Campaign, item: CalibrationFile) -> tuple[Calibration, FileReport]:
     if campaign.log.format == "csv" and not _is_spa_rig(item.path):
         columns = campaign.log.columns or {}

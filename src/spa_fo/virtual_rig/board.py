@@ -89,7 +89,7 @@ class BenchPlant:
 
 
 def pressure_counts(pressure_kpa: float) -> int:
-    """Counts of the usual sensor (0.5 to 4.5 V for 0 to 551.6 kPa, 10 bits over 5 V)."""
+    """Convert by the usual sensor (0.5 to 4.5 V for 0 to 551.6 kPa, 10 bits over 5 V)."""
     return round((0.5 + 4.0 * pressure_kpa / 551.6) / 5.0 * 1023)
 
 
@@ -141,7 +141,14 @@ class VirtualBoard:
         """Trials and calibrations begun since it was made."""
         self.heard = 0
         """Whole, undamaged lines of the host."""
-        self._become_idle()
+        self._state: State = "idle"
+        self._rate_hz = RATE_HZ
+        self._seq = 0
+        self._queue: deque[Setpoint] = deque()
+        self._command_kpa = 0.0
+        self._angle_deg: float | None = None
+        self._tripped = False
+        self._over = 0
 
     # --- what the server asks ------------------------------------------------------------------
 
@@ -244,7 +251,7 @@ class VirtualBoard:
                 samples = self._seq
                 self._become_idle()
                 return self._comment(f"stopped samples={samples}")
-            case ("run" | "cal"), [] | [_]:
+            case (("run" | "cal"), [] | [_]):
                 return self._begin("trial" if word == "run" else "calibration", arguments)
             case "set", [_] | [_, _]:
                 return self._set(*arguments)
@@ -255,7 +262,10 @@ class VirtualBoard:
                     return "state"
                 self._angle_deg = None
                 return b""
-            case ("ping" | "vent" | "hello" | "stop" | "run" | "cal" | "set" | "angle" | "pause"), _:
+            case (
+                ("ping" | "vent" | "hello" | "stop" | "run" | "cal" | "set" | "angle" | "pause"),
+                _,
+            ):
                 return "argument"
         return "unknown"
 
@@ -308,14 +318,10 @@ class VirtualBoard:
         return self._comment(f"trip {why}")
 
     def _become_idle(self) -> None:
-        self._state: State = "idle"
-        self._rate_hz = RATE_HZ
-        self._seq = 0
-        self._queue: deque[Setpoint] = deque()
-        self._command_kpa = 0.0
-        self._angle_deg: float | None = None
-        self._tripped = False
-        self._over = 0
+        self._vent()
+        self._state, self._rate_hz, self._seq = "idle", RATE_HZ, 0
+        self._angle_deg = None
+        self._tripped, self._over = False, 0
 
     # --- samples -------------------------------------------------------------------------------
 
