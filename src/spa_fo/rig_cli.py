@@ -19,6 +19,7 @@ def add_rig_commands(commands: Commands, command: Command) -> None:
     """Declare the commands; what they do is imported when they run."""
     _add_ports(commands, command)
     _add_record(commands, command)
+    _add_check(commands, command)
     _add_rig(commands, command)
 
 
@@ -143,6 +144,39 @@ def _record(options: argparse.Namespace) -> None:
     from spa_fo.rig.record_command import run_record
 
     run_record(options)
+
+
+def _add_check(commands: Commands, command: Command) -> None:
+    parser = command(
+        commands,
+        "check",
+        "say whether board, wiring and sensors work, by a short run or by a log",
+        "spa-fo check /dev/ttyACM0 --pressure 10\n"
+        "  spa-fo check raw/arm/step_30/trial_01.log --campaign raw/arm\n\n"
+        "On a port it rests, commands the pressure for four seconds, and vents. Exit code 0: no\n"
+        "fault; 1: a fault was found; 2: bad input.",
+    )
+    parser.add_argument("source", metavar="PORT|FILE", help="a serial port, or a spa-rig log")
+    parser.add_argument(
+        "--pressure",
+        metavar="KPA",
+        type=_duration,
+        default=10.0,
+        help="command to try (default: 10; 0: only listen)",
+    )
+    parser.add_argument(
+        "--campaign", metavar="DIR", type=Path, help="for its pressure sensor and calibration"
+    )
+    parser.add_argument("--rate", metavar="HZ", type=_whole, default=50)
+    parser.add_argument("--baud", metavar="N", type=int, default=_BAUD)
+    parser.add_argument("--out", metavar="FILE.log", type=Path, help="keep the run's log")
+    parser.set_defaults(run=_check)
+
+
+def _check(options: argparse.Namespace) -> None:
+    from spa_fo.rig.check_command import run_check
+
+    run_check(options)
 
 
 def _add_rig(commands: Commands, command: Command) -> None:
