@@ -389,7 +389,7 @@ def made_up_logs(draw: st.DrawFn) -> tuple[bytes, dict[str, int]]:
 def _damage(lines: list[str], at: int, kind: str, delimiter: str, draw: st.DrawFn) -> str:
     line = lines[at]
     if kind == "cut":
-        return line[: draw(st.integers(1, len(line)))]
+        return line[: draw(st.integers(0, len(line)))]
     if kind == "long":
         return line + 3 * f"{delimiter}1"
     if kind == "repeat":

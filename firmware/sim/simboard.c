@@ -14,8 +14,9 @@
 // variable before the second millisecond (its address by avr-nm): a clock about to wrap.
 //
 // COMMAND reads messages from its standard input, one a millisecond of the board's life: 'd' and a
-// float (drive at so many kPa) or 'b' and a float (bent in the fixture, degrees), and answers each
-// with two 16-bit counts, pressure and flex. Without COMMAND there is a plain lag.
+// float (drive at so many kPa), 't' and a float (the same, and a trial begins), or 'b' and a float
+// (bent in the fixture, degrees), and answers each with two 16-bit counts, pressure and flex.
+// Without COMMAND there is a plain lag.
 
 #define _GNU_SOURCE
 #include <fcntl.h>
@@ -88,6 +89,7 @@ static void uart_full(avr_irq_t *irq, uint32_t value, void *unused) {
 
 // The person at the fixture hears "angle 30*XX" and bends the sensor.
 static double fixture_deg = NAN;
+static bool trial_begins;
 
 static void overhear(uint8_t byte) {
     static char line[64];
@@ -99,6 +101,7 @@ static void overhear(uint8_t byte) {
     line[length] = 0;
     length = 0;
     if (!strncmp(line, "angle ", 6)) fixture_deg = atof(line + 6);
+    if (!strncmp(line, "run", 3)) trial_begins = true;
     if (!strncmp(line, "run", 3) || !strncmp(line, "stop", 4)) fixture_deg = NAN;
 }
 
@@ -148,7 +151,8 @@ static void plain_lag(double kpa, int counts[2]) {
 static void ask_actuator(double kpa, int counts[2]) {
     float value = isnan(fixture_deg) ? kpa : fixture_deg;
     uint16_t answer[2];
-    fputc(isnan(fixture_deg) ? 'd' : 'b', to_actuator);
+    fputc(!isnan(fixture_deg) ? 'b' : trial_begins ? 't' : 'd', to_actuator);
+    trial_begins = false;
     fwrite(&value, sizeof value, 1, to_actuator);
     fflush(to_actuator);
     if (fread(answer, sizeof answer, 1, from_actuator) != 1) die("the actuator's process ended");

@@ -2,7 +2,9 @@
 #ifndef CONFIG_H
 #define CONFIG_H
 
+#ifndef BAUD
 #define BAUD 500000UL  // 16 MHz divides down to it exactly
+#endif
 
 // Analog inputs, Arduino's names A0 and A1.
 #define PRESSURE_CHANNEL 0

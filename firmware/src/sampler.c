@@ -44,7 +44,10 @@ static uint16_t readings[READINGS];
 void sampler_start(void) {
     DIDR0 = _BV(PRESSURE_CHANNEL) | _BV(FLEX_CHANNEL);  // digital inputs would draw current
     ADMUX = _BV(REFS0) | PRESSURE_CHANNEL;
-    ADCSRA = _BV(ADEN) | _BV(ADIE) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0);  // 125 kHz
+    ADCSRA = _BV(ADEN) | _BV(ADSC) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0);  // 125 kHz
+    // The first conversion takes twice as long as all others: too long at 1 kHz.
+    while (ADCSRA & _BV(ADSC)) continue;
+    ADCSRA |= _BV(ADIF) | _BV(ADIE);
 }
 
 mode_t sampler_mode(void) { return mode; }
