@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import random
 import re
+import subprocess
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import simulated_board
 from simulated_board import FIRMWARE, Run, build, command, play
+from spa_fo.cli import main
+from spa_fo.rig import read_campaign, read_trials
 from spa_fo.rig.spa_rig_log import SpaRigLog, parse_spa_rig_log
 from spa_fo.rig.wire import LineParser, parse_banner
 from spa_fo.virtual_rig.board import VirtualBoard
@@ -285,7 +290,7 @@ def test_a_comment_has_at_most_80_printable_bytes() -> None:
 
 
 def test_no_loss_at_1_khz() -> None:
-    seconds = 20
+    seconds = 8
     end = 100 + 1000 * seconds
     events: list[tuple[int, str]] = [(100, "run 1000")]
     events += [(ms, f"set {ms % 97}.5 {ms}") for ms in range(400, end, 90)]
@@ -410,3 +415,36 @@ def test_the_virtual_actuator_behind_the_converters() -> None:
     assert pressure[:20].mean() == pytest.approx(102.5, abs=1.5)
     assert pressure[-20:].mean() == pytest.approx(102.3 + 44.5, abs=3.0)
     assert abs(flex[-20:].mean() - flex[:20].mean()) > 30.0
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[str]:
+    """A pseudo-terminal with the board behind it, the virtual actuator at its pins."""
+    built = build()
+    actuator = f"{sys.executable} {FIRMWARE / 'sim' / 'actuator.py'}"
+    with subprocess.Popen(
+        [built.simboard, built.elf, "--actuator", actuator], stdout=subprocess.PIPE, text=True
+    ) as board:
+        assert board.stdout is not None
+        yield board.stdout.readline().strip()
+        board.kill()
+
+
+def test_the_recorder_records_from_it(tmp_path: Path, port: str) -> None:
+    arguments = ["--campaign", str(tmp_path / "arm"), "--material", "simulated", "--synthetic"]
+    calibration = ["calibration", port, "--angles", "0,30,60", "--settle", "0.2"]
+    assert main(["record", *calibration, *arguments, "--dwell", "0.5"]) == 0
+    step = ["--experiment", "step", "--pressure", "28", "--trials", "1", "--rest", "0.5"]
+    assert main(["record", port, *arguments, *step, "--dwell", "1", "--release", "0.4"]) == 0
+    data = read_trials(read_campaign(tmp_path / "arm"))
+    assert all(report.damaged_lines == 0 for report in data.report.files)
+    assert all(report.gaps == 0 for report in data.report.files)
+    assert data.calibration is not None
+    assert sorted(data.calibration.angles_deg.tolist()) == [0.0, 30.0, 60.0]
+    (trial,) = data.trials
+    assert trial.t_s.size == 95
+    assert trial.command_kpa is not None
+    assert trial.pressure_kpa is not None
+    assert np.flatnonzero(np.diff(trial.command_kpa)).tolist() == [24, 74]
+    assert trial.pressure_kpa[65:75].mean() == pytest.approx(28.0, abs=1.5)
+    assert trial.angle_deg[70:75].mean() - trial.angle_deg[:25].mean() > 5.0

@@ -2,7 +2,8 @@
 // set-point pin, and its serial port is a pseudo-terminal, or a script.
 //
 //   simboard firmware.elf [--link PATH] [--speed X] [--actuator COMMAND]
-//       prints the port's name, and runs until it is killed.
+//       prints the port's name, and runs until it is killed. Opening the port resets the board, as
+//       on a MEGA.
 //   simboard firmware.elf --script FILE [--pins FILE] [--poke ADDRESS=VALUE]
 //       runs the script as fast as it can; stdout is what the board sends.
 //
@@ -22,7 +23,6 @@
 #include <fcntl.h>
 #include <math.h>
 #include <poll.h>
-#include <pty.h>
 #include <signal.h>
 #include <simavr/avr_adc.h>
 #include <simavr/avr_uart.h>
@@ -32,12 +32,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/wait.h>
 #include <termios.h>
 #include <time.h>
 #include <unistd.h>
 
-enum { FREQUENCY = 16000000, CYCLES_PER_MS = FREQUENCY / 1000, VREF_MV = 5000 };
+enum { FREQUENCY = 16000000, CYCLES_PER_MS = FREQUENCY / 1000, VREF_MV = 5000, BOOT_MS = 200 };
 enum { PORTH = 0x102, TCCR4A = 0xa0, OCR4AL = 0xa8, OCR4AH = 0xa9 };  // data addresses
 enum { VALVE = 1 << 4, CONNECTED = 1 << 7 };
 static const double FULL_SCALE_KPA = 100.0;  // of set-point 1023
@@ -203,6 +202,11 @@ static void quiet(avr_t *board, const int level, const char *format, va_list arg
     if (level <= LOG_ERROR) vfprintf(stderr, format, arguments);
 }
 
+static avr_cycle_count_t wake_up(avr_t *board, avr_cycle_count_t when, void *unused) {
+    (void)board, (void)unused;
+    return when + CYCLES_PER_MS / 10;  // a sleeping board must not sleep over a tick
+}
+
 static void make_board(const char *elf) {
     elf_firmware_t firmware = {0};
     avr_global_logger_set(quiet);
@@ -217,6 +221,7 @@ static void make_board(const char *elf) {
     avr->sleep = keep_cycles;  // this program keeps the time itself
     uint32_t flags = 0;        // by default it prints lines itself, and waits
     avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
+    avr_cycle_timer_register(avr, CYCLES_PER_MS / 10, wake_up, NULL);
     uart_in = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT);
     avr_irq_register_notify(
         avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), from_uart, NULL);
@@ -224,11 +229,6 @@ static void make_board(const char *elf) {
         avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON), uart_ready, NULL);
     avr_irq_register_notify(
         avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), uart_full, NULL);
-}
-
-static avr_cycle_count_t wake_up(avr_t *board, avr_cycle_count_t when, void *unused) {
-    (void)board, (void)unused;
-    return when + CYCLES_PER_MS / 10;  // a sleeping board must not sleep over a tick
 }
 
 static void run_until(avr_cycle_count_t cycle) {
@@ -296,31 +296,51 @@ static double wall_s(void) {
 }
 
 static int open_port(const char *link_name) {
-    int master, slave;  // the slave stays open: what is sent before the host comes is kept
-    char name[128];
+    int master = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
     struct termios raw;
-    if (openpty(&master, &slave, name, NULL, NULL)) die("no pseudo-terminal");
+    if (master < 0 || grantpt(master) || unlockpt(master)) die("no pseudo-terminal");
+    int slave = open(ptsname(master), O_RDWR | O_NOCTTY);
     tcgetattr(slave, &raw);
     cfmakeraw(&raw);
     tcsetattr(slave, TCSANOW, &raw);
-    fcntl(master, F_SETFL, O_NONBLOCK);
+    close(slave);
     if (link_name) {
         unlink(link_name);
-        if (symlink(name, link_name)) die("cannot make the link");
+        if (symlink(ptsname(master), link_name)) die("cannot make the link");
     }
-    printf("%s\n", name);
+    printf("%s\n", ptsname(master));
     fflush(stdout);
     return master;
+}
+
+static bool is_open(int port) {
+    struct pollfd look = {.fd = port, .events = 0};
+    return poll(&look, 1, 0) >= 0 && !(look.revents & POLLHUP);
+}
+
+// What DTR does on a MEGA; the bootloader is left out but for a moment of deafness.
+static void reset_board(void) {
+    avr_reset(avr);
+    avr_cycle_timer_register(avr, CYCLES_PER_MS / 10, wake_up, NULL);
+    to_host.size = to_board.size = 0;
+    may_send = true;
 }
 
 static void serve(const char *link_name, double speed) {
     int port = open_port(link_name);
     double start = wall_s();
     uint8_t bytes[512];
+    bool was_open = false;
+    unsigned deaf_until = 0;
     for (unsigned ms = 0;; ms++) {
-        ssize_t count = read(port, bytes, sizeof bytes);
-        if (count > 0) append(&to_board, bytes, count);
+        bool now_open = is_open(port);
+        if (now_open && !was_open) deaf_until = ms + BOOT_MS;
+        was_open = now_open;
+        ssize_t count = now_open ? read(port, bytes, sizeof bytes) : 0;
+        if (count > 0 && ms >= deaf_until) append(&to_board, bytes, count);
+        if (ms == deaf_until) reset_board();
         run_ms(ms, NULL);
+        if (ms < deaf_until || !now_open) to_host.size = 0;
         count = write(port, to_host.bytes, to_host.size);
         if (count > 0) drop(&to_host, count);
         double ahead = ms / 1000.0 / speed - (wall_s() - start);
@@ -347,7 +367,6 @@ int main(int count, char **arguments) {
     }
     signal(SIGPIPE, SIG_IGN);
     make_board(arguments[1]);
-    avr_cycle_timer_register(avr, CYCLES_PER_MS / 10, wake_up, NULL);
     if (actuator) start_actuator(actuator);
     if (script) run_script(script, pins, poked);
     else serve(link_name, speed);
