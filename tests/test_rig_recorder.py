@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ from virtual_bench import serving
 SETUP = Setup("test rubber", 30.0, kind="synthetic")
 UP = plateaus("step_release", [30.0], rest_s=0.4, dwell_s=1.0, release_s=0.6)
 STEP = Series("step_30", 30.0, UP, {"protocol": "step_release"}, trials=1, rest_s=5.0)
-ANGLES = [0.0, 15.0, 30.0, 45.0, 30.0, 15.0, 0.0]
+ANGLES = [0.0, 25.0, 50.0, 25.0, 0.0]
 
 
 def record(served, folder: Path, *series: Series, stop=lambda: None, calibrate: bool = True):
@@ -156,7 +157,7 @@ def test_a_stream_in_any_pieces_says_the_same() -> None:
     pieces = LiveStream(shows.COLUMNS, 1023)
     rng = np.random.default_rng(3)
     cuts = [0, *sorted(rng.integers(0, len(sent), size=40).tolist()), len(sent)]
-    heard = [item for a, b in zip(cuts, cuts[1:], strict=False) for item in pieces.feed(sent[a:b])]
+    heard = [item for a, b in pairwise(cuts) for item in pieces.feed(sent[a:b])]
     assert heard == whole
     assert sum(isinstance(item, Row) for item in whole) == 60
     assert [item.greets for item in whole if isinstance(item, Remark)] == [True, False]
@@ -295,7 +296,11 @@ def test_other_rates(tmp_path: Path, rate_hz: int) -> None:
         ("stall@0.8+400#2", "no new samples"),
     ],
 )
-def test_a_trial_cut_short_is_kept_as_aborted(tmp_path: Path, fault: str, why: str) -> None:
+def test_a_trial_cut_short_is_kept_as_aborted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, why: str
+) -> None:
+    monkeypatch.setattr("spa_fo.rig.recorder._SILENCE_S", 0.5)
+    monkeypatch.setattr("spa_fo.rig.recorder._STOP_S", 0.5)
     with serving(fault) as served:
         kept = record(served, tmp_path, Series("step_30", 30.0, UP, {}, trials=3))
         sent = bytes(served.sent)
@@ -306,7 +311,7 @@ def test_a_trial_cut_short_is_kept_as_aborted(tmp_path: Path, fault: str, why: s
     (trial,) = valid(tmp_path).trials
     assert trial.experiment == "step_30" + ABORTED
     assert trial.protocol == "free"
-    assert trial.t_s.size >= 38
+    assert trial.t_s.size >= 35
     assert kept[1].why in [one.get("why") for one in memory(tmp_path)["logs"]]
 
 
@@ -488,7 +493,7 @@ def test_a_kill_before_any_write_leaves_a_folder_that_the_next_run_finishes(
                         raise Killed
                     original(*arguments)
 
-                return write  # noqa: B023
+                return write
 
             for target in WRITES:
                 module, name = target.rsplit(".", 1)
@@ -571,9 +576,30 @@ def test_fuzzed_streams_neither_crash_nor_hang_nor_let_a_wrong_row_in() -> None:
     assert result.refused < 15  # those whose banner was hit
 
 
+@pytest.mark.parametrize("begins", [b"", shows.BANNER])
+def test_endless_noise_is_given_up(monkeypatch: pytest.MonkeyPatch, begins: bytes) -> None:
+    monkeypatch.setattr("spa_fo.rig.recorder._SILENCE_S", 0.3)
+    monkeypatch.setattr("spa_fo.rig.recorder._STOP_S", 0.2)
+    rng = np.random.default_rng(1)
+
+    class Noise:
+        first = begins
+
+        def send(self, *commands: str) -> None:
+            pass
+
+        def read(self) -> bytes:
+            out, self.first = self.first + rng.bytes(100), b""
+            return out
+
+    outcome = record_trial(Noise(), shows.INFO, UP, 50, lambda data: None)
+    assert outcome.aborted is not None
+    assert outcome.rows == 0
+
+
 def test_a_fast_board_loses_no_sample(tmp_path: Path) -> None:
-    result = shows.endurance(3.0, tmp_path)
-    assert result.samples >= 3000
+    result = shows.endurance(2.5, tmp_path)
+    assert result.samples >= 2500
     assert result.lost == 0
     assert result.damaged == 0
     assert result.same_bytes
@@ -625,7 +651,10 @@ def test_a_campaign_by_commands(tmp_path: Path, capfd: pytest.CaptureFixture[str
         (["--experiment", "x", "--pressure", "120"], "the board's limit is 100 kPa"),
         (["--experiment", "x", "--pressure", "10,20"], "one pressure for a step_release"),
         (["--experiment", "x", "--protocol", "free"], "--profile: expected a file"),
-        (["--experiment", "x", "--pressure", "9", "--ramp", "2"], "--ramp: a step_release has none"),
+        (
+            ["--experiment", "x", "--pressure", "9", "--ramp", "2"],
+            "--ramp: a step_release has none",
+        ),
         (["--experiment", "x", "--pressure", "9", "--rate", "2000"], "samples at 1000 Hz"),
         (["--experiment", "a/b", "--pressure", "9"], "--experiment: expected letters"),
         (["--pressure", "9"], "--experiment: expected a name"),
@@ -666,8 +695,20 @@ def test_ctrl_c_vents_keeps_the_trial_and_says_so(tmp_path: Path) -> None:
     arguments = ["--campaign", tmp_path, "--material", "m", "--experiment", "x"]
     with serving(speed=1.0) as served:
         process = subprocess.Popen(
-            [sys.executable, "-m", "spa_fo.cli", "record", served.port, *map(str, arguments)]
-            + ["--pressure", "20", "--rest", "0.1", "--dwell", "20"],
+            [
+                sys.executable,
+                "-m",
+                "spa_fo.cli",
+                "record",
+                served.port,
+                *map(str, arguments),
+                "--pressure",
+                "20",
+                "--rest",
+                "0.1",
+                "--dwell",
+                "20",
+            ],
             stderr=subprocess.PIPE,
             text=True,
         )
@@ -741,4 +782,6 @@ def test_the_account_of_a_trial() -> None:
         "a/trial_01.log: 690 samples, 2 lost, 2 damaged lines"
     )
     outcome = Outcome("the port was lost (gone)", rows=3)
-    assert account(Kept("", "", "nothing came"), outcome).startswith("nothing was recorded: the port")
+    assert account(Kept("", "", "nothing came"), outcome).startswith(
+        "nothing was recorded: the port"
+    )

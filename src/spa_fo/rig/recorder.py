@@ -21,7 +21,7 @@ LOOKAHEAD_S = 0.3  # of board time that set-points are sent ahead
 _PING_S = 0.1
 _SILENCE_S = 3.0  # without progress: the board is stuck
 _STOP_S = 2.0
-_QUIET_S = 0.15  # without a row: the pause has been heard
+_QUIET = (0.05, 3.0)  # s, and samples more, without a row: the pause has been heard
 _AGAIN_S = 0.5  # a command whose effect is not seen is sent again
 _DISOBEDIENT_S = 0.1  # a command that differs from the profile for so long is sent again
 _REPAIRS = 5
@@ -132,15 +132,14 @@ class _Recording:
         self, link: Link, sink: Sink, rate_hz: float, stop: Stop, speed: float = 1.0
     ) -> None:
         self._link, self._sink, self._stop = link, sink, stop
-        self._rate_hz = rate_hz
+        self.period_s = 1.0 / rate_hz / speed
         self._ping_at = 0.0
         self._moved_at = time.monotonic()
         self._stream: LiveStream | None = None
         self._before = b""
         self.progress = Progress()
         self.outcome = Outcome()
-        # A stalled accelerated board waits for the host; a real one for nobody.
-        self._silence_s = _SILENCE_S + 2.0 / rate_hz / speed
+        self._silence_s = _SILENCE_S + 2.0 * self.period_s
 
     def begin(self, command: str) -> None:
         """Start sampling and wait for the banner; it is the first line of the log."""
@@ -377,17 +376,18 @@ def _dwell(recording: _Recording, angle: str, samples: int, show: Callable[[Row]
 def _pause(recording: _Recording, show: Callable[[Row], object]) -> None:
     """Stop sampling; nothing may be logged while the fixture moves."""
     recording.send("pause")
-    quiet_at = again = time.monotonic() + _QUIET_S
+    quiet_s = _QUIET[0] + _QUIET[1] * recording.period_s
+    quiet_at = again = time.monotonic() + quiet_s
     while (now := time.monotonic()) < quiet_at and recording.outcome.aborted is None:
         rows = recording.turn()
         for row in rows:
             recording.progress.see(row.seq)
             show(row)
         if rows:
-            quiet_at = now + _QUIET_S
+            quiet_at = now + quiet_s
         if now > again:
             recording.send("pause")
-            again = now + _QUIET_S
+            again = now + quiet_s
 
 
 def _banner(line: bytes) -> Banner | None:

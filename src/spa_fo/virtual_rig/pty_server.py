@@ -21,7 +21,7 @@ from spa_fo.virtual_rig.board import VirtualBoard
 from spa_fo.virtual_rig.faults import Event, Faults, FaultyPlant, garbled
 
 BAUD = 500_000
-_BOOT_S = 0.2  # a bootloader takes longer; nobody learns from waiting for it
+_BOOT_S = 0.1  # a bootloader takes longer; the host must have emptied its buffer by then
 _TX_BYTES = 4096  # lines that the host does not take are lost beyond this
 _IDLE_S = 0.05  # how often it looks whether somebody opened the port
 _AHEAD = 3  # samples at a time, when the board's time is faster than the wall's
@@ -148,10 +148,10 @@ class PtyServer:
 
     def _happen(self, seconds: float) -> None:
         """Let the events of one sample period happen."""
-        if self._run != self._board.runs:
-            self._run, self._ran_s = self._board.runs, 0.0
-            self._plant.mend()
         before = self._ran_s
+        if self._run != self._board.runs:
+            self._run, self._ran_s, before = self._board.runs, 0.0, -1.0
+            self._plant.mend()
         self._ran_s += seconds
         for event in self._faults.due(self._run, before, self._ran_s):
             self._strike(event)
@@ -199,7 +199,7 @@ class PtyServer:
 
     def _reset(self) -> None:
         self._tx.clear()
-        self._up_at = self._last = time.monotonic() + _BOOT_S / self._speed
+        self._up_at = self._last = time.monotonic() + _BOOT_S
         self._say(self._board.reset())
 
     def _read(self) -> bytes:
