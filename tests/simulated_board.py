@@ -92,8 +92,11 @@ def command(text: str) -> bytes:
     return f"{text}*{value:02X}\n".encode()
 
 
+Event = str | bytes | float | tuple[str, ...]
+
+
 def play(
-    events: Sequence[tuple[int, str | bytes | float]],
+    events: Sequence[tuple[int, Event]],
     end_ms: int,
     options: Sequence[str] = (),
     defines: str = "",
@@ -102,9 +105,9 @@ def play(
 
     Parameters
     ----------
-    events : sequence of (int, str or bytes or float)
-        By time (ms): a command, bytes as they are, or a pressure (kPa) that the sensor sees from
-        then on, whatever is commanded.
+    events : sequence of (int, str or bytes or float or tuple)
+        By time (ms): a command, bytes as they are, a pressure (kPa) that the sensor sees from then
+        on, whatever is commanded, or the words of a line of the script.
     end_ms : int
         When to stop.
     options : sequence of str
@@ -128,7 +131,9 @@ def play(
     return Run(done.stdout, tuple((ms, duty, valve) for ms, duty, valve in changes))
 
 
-def _event(event: str | bytes | float) -> str:
+def _event(event: Event) -> str:
+    if isinstance(event, tuple):
+        return " ".join(event)
     if isinstance(event, float):
         return f"over {event}"
     data = command(event) if isinstance(event, str) else event

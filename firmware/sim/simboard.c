@@ -10,6 +10,7 @@
 // A script has a line for each event, by time (ms of the board's life):
 //   100 send 70696e672a3137 0a      bytes, in hex, to the serial port
 //   500 over 150                    the sensor sees this pressure (kPa), whatever is commanded
+//   600 spike 7 400                 in the 7th tenth of every millisecond it sees this one instead
 //   900 end
 // --pins writes a line t_ms,setpoint,valve whenever one of the two changes. --poke sets a 32-bit
 // variable before the second millisecond (its address by avr-nm): a clock about to wrap.
@@ -117,7 +118,8 @@ static void feed_uart(size_t most) {
 // --- the actuator ------------------------------------------------------------------------------
 
 static FILE *to_actuator, *from_actuator;
-static double over_kpa = NAN;
+static double over_kpa = NAN, spike_kpa;
+static unsigned spike_tenth;
 
 static void start_actuator(const char *command) {
     int down[2], up[2];
@@ -172,6 +174,8 @@ static void set_input(int channel, int counts) {
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, channel), mv);
 }
 
+static int pressure_counts;
+
 static void run_actuator(void) {
     int counts[2];
     double kpa = valve_closed() ? setpoint() * FULL_SCALE_KPA / 1023.0 : 0.0;
@@ -180,7 +184,8 @@ static void run_actuator(void) {
     } else {
         plain_lag(kpa, counts);
     }
-    set_input(0, isnan(over_kpa) ? counts[0] : counts_of_kpa(over_kpa));
+    pressure_counts = isnan(over_kpa) ? counts[0] : counts_of_kpa(over_kpa);
+    set_input(0, pressure_counts);
     set_input(1, counts[1]);
 }
 
@@ -241,6 +246,10 @@ static void run_until(avr_cycle_count_t cycle) {
 static void run_ms(unsigned ms, FILE *pins) {
     for (unsigned tenth = 1; tenth <= 10; tenth++) {
         feed_uart(5);
+        if (spike_tenth) {
+            bool now = tenth == spike_tenth;
+            set_input(0, now ? counts_of_kpa(spike_kpa) : pressure_counts);
+        }
         run_until((avr_cycle_count_t)ms * CYCLES_PER_MS + tenth * CYCLES_PER_MS / 10);
     }
     run_actuator();
@@ -282,7 +291,8 @@ static void run_script(const char *path, FILE *pins, const char *poked) {
         }
         if (!strcmp(word, "send")) send_hex(line + used);
         else if (!strcmp(word, "over")) over_kpa = atof(line + used);
-        else if (strcmp(word, "end")) die("expected send, over or end");
+        else if (!strcmp(word, "spike")) sscanf(line + used, "%u %lf", &spike_tenth, &spike_kpa);
+        else if (strcmp(word, "end")) die("expected send, over, spike or end");
     }
     fclose(script);
 }
