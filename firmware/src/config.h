@@ -6,7 +6,7 @@
 #define BAUD 500000UL  // 16 MHz divides down to it exactly
 #endif
 
-// Analog inputs, Arduino's names A0 and A1.
+// Analog inputs, Arduino's names A0 and A1 (A0 to A7 will do).
 #define PRESSURE_CHANNEL 0
 #define FLEX_CHANNEL 1
 #define VREF_MV 5000UL  // AVcc: sensors and converter share it
