@@ -225,9 +225,9 @@ def test_a_trailing_delimiter_is_no_column(tmp_path: Path) -> None:
 
 
 @given(st.lists(st.integers(0, 12).map(float), max_size=20))
-def test_thelongest_increasing_sequence(values: list[float]) -> None:
+def test_the_longest_increasing_sequence(values: list[float]) -> None:
     chain = longest_increasing(values)
-    assert len(chain) == naive_rig.naivelongest_increasing(values)
+    assert len(chain) == naive_rig.naive_longest_increasing(values)
     assert all(i < j and values[i] < values[j] for i, j in pairwise(chain))
 
 

@@ -221,6 +221,13 @@ def _pressure_sensor(entry: Mapping[str, Any] | None, path: Path) -> PressureSen
 
 
 def log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
+    """Return what the ``log:`` section `entry`, which holds to the schema, says.
+
+    Raises
+    ------
+    BadInput
+        It contradicts itself; `path` is the campaign.yaml that the message names.
+    """
     if entry["format"] == "spa-rig":
         extra = sorted(set(entry) - {"format"})
         if extra:

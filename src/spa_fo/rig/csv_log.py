@@ -94,7 +94,9 @@ def read_csv_log(
     columns = log.columns or {}
     roles = tuple(columns) if roles is None else tuple(dict.fromkeys(("time", *roles)))
     needed = {role: columns[role] for role in roles}
-    rows = [(number, split_fields(line, log.delimiter)) for number, line in enumerate(lines, start=1)]
+    rows = [
+        (number, split_fields(line, log.delimiter)) for number, line in enumerate(lines, start=1)
+    ]
     header, rows = _take_header(rows, log, needed.values(), path)
     data = [(number, row) for number, row in rows if row is not None and row[0][:1] != "#"]
     places = _locate(needed, header, data, path)
