@@ -416,24 +416,23 @@ def test_a_full_disk_vents_and_says_so(tmp_path: Path) -> None:
 def test_ports_that_cannot_be_opened(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="spa-fo ports lists them"):
         BoardLink(str(tmp_path / "no_board"))
-    with serving() as served, BoardLink(served.port):
-        with pytest.raises(BadInput, match="another program has it open"):
-            BoardLink(served.port)
+    busy = pytest.raises(BadInput, match="another program has it open")
+    with serving() as served, BoardLink(served.port), busy:
+        BoardLink(served.port)
 
 
 def test_no_board_is_told_apart_from_another_baud_rate() -> None:
-    with serving() as served, BoardLink(served.port, 115_200) as link:
-        with pytest.raises(BadInput, match="another baud rate"):
-            link.wait_ready(0.5)
-    with serving(reset_on_open=False) as served, BoardLink(served.port) as link:
-        with pytest.raises(BadInput, match="nothing came"):
-            link.wait_ready(0.3)
+    noise = pytest.raises(BadInput, match="another baud rate")
+    with serving() as served, BoardLink(served.port, 115_200) as link, noise:
+        link.wait_ready(0.5)
+    silence = pytest.raises(BadInput, match="nothing came")
+    with serving(reset_on_open=False) as served, BoardLink(served.port) as link, silence:
+        link.wait_ready(0.3)
 
 
 def test_a_board_that_does_not_reset_is_greeted() -> None:
-    with serving(reset_on_open=False) as served:
-        with BoardLink(served.port, hello_after_s=0.05) as link:
-            assert link.wait_ready(2.0).banner.board == "virtual"
+    with serving(reset_on_open=False) as served, BoardLink(served.port, hello_after_s=0.05) as link:
+        assert link.wait_ready(2.0).banner.board == "virtual"
 
 
 def test_a_lost_port_is_a_lost_port() -> None:
@@ -441,8 +440,12 @@ def test_a_lost_port_is_a_lost_port() -> None:
         link.wait_ready()
         link.send("run")
         with pytest.raises(PortLost):
-            for _ in range(100):
-                link.read()
+            drain(link)
+
+
+def drain(link: BoardLink) -> None:
+    for _ in range(100):
+        link.read()
 
 
 # --- killed ---------------------------------------------------------------------------------------
@@ -462,6 +465,22 @@ def test_a_folder_without_a_campaign_needs_a_material(tmp_path: Path) -> None:
 
 class Killed(BaseException):
     """Stands for SIGKILL: no handler of the recorder sees it as an error."""
+
+
+class Fuse:
+    """Lets so many writes through and kills at the next."""
+
+    def __init__(self, writes: int) -> None:
+        self.left = writes
+
+    def before(self, original):
+        def write(*arguments):
+            self.left -= 1
+            if self.left == -1:
+                raise Killed
+            original(*arguments)
+
+        return write
 
 
 WRITES = ["spa_fo.rig.recording.write_text", "spa_fo.rig.checksums.write_text"]
@@ -484,20 +503,10 @@ def test_a_kill_before_any_write_leaves_a_folder_that_the_next_run_finishes(
                 begun.write(log)
                 prepared.finish(begun, 2.0, None)
         with monkeypatch.context() as patch:
-            count = [0]
-
-            def counted(original):
-                def write(*arguments):
-                    count[0] += 1
-                    if count[0] == kill_at + 1:  # noqa: B023
-                        raise Killed
-                    original(*arguments)
-
-                return write
-
+            fuse = Fuse(kill_at)
             for target in WRITES:
                 module, name = target.rsplit(".", 1)
-                patch.setattr(target, counted(getattr(sys.modules[module], name)))
+                patch.setattr(target, fuse.before(getattr(sys.modules[module], name)))
             recorder = RecordingFolder(folder)
             try:
                 now = datetime.now(UTC) + timedelta(minutes=1)
@@ -692,23 +701,11 @@ def test_the_pressure_of_a_setpoint_by_a_model(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_vents_keeps_the_trial_and_says_so(tmp_path: Path) -> None:
-    arguments = ["--campaign", tmp_path, "--material", "m", "--experiment", "x"]
+    arguments = ["--campaign", str(tmp_path), "--material", "m", "--experiment", "x"]
+    arguments += ["--pressure", "20", "--rest", "0.1", "--dwell", "20"]
     with serving(speed=1.0) as served:
         process = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "spa_fo.cli",
-                "record",
-                served.port,
-                *map(str, arguments),
-                "--pressure",
-                "20",
-                "--rest",
-                "0.1",
-                "--dwell",
-                "20",
-            ],
+            [sys.executable, "-m", "spa_fo.cli", "record", served.port, *arguments],
             stderr=subprocess.PIPE,
             text=True,
         )

@@ -291,8 +291,12 @@ def test_an_unplugged_port_is_gone() -> None:
         heard(port, b"queue=32")
         port.write(said("run"))
         with pytest.raises((serial.SerialException, OSError, TypeError)):
-            for _ in range(200):
-                port.read(max(1, port.in_waiting))
+            drain(port)
+
+
+def drain(port: serial.Serial) -> None:
+    for _ in range(200):
+        port.read(max(1, port.in_waiting))
 
 
 def test_a_stall_holds_back_and_loses_nothing_that_has_room() -> None:
