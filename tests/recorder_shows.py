@@ -89,14 +89,18 @@ class Tape:
         return piece
 
 
-def fuzz(streams: int, seed: int = 1) -> Fuzzed:
+OVERRUN = ("overrun",)
+"""Bytes lost from the middle of one line to the middle of the next: the format's weak spot."""
+
+
+def fuzz(streams: int, seed: int = 1, kinds: tuple[str, ...] = DAMAGES) -> Fuzzed:
     """Damage streams at random, play each to recorder, live stream and parser."""
     result = Fuzzed()
     rng = np.random.default_rng(seed)
     clean = [stream(60, seed=k) for k in range(20)]
     for _ in range(streams):
         sent = clean[int(rng.integers(len(clean)))]
-        data, damages = _damaged(sent, rng)
+        data, damages = _damaged(sent, rng, kinds)
         begun = time.monotonic()
         _play(sent, data, rng, result)
         result.longest_s = max(result.longest_s, time.monotonic() - begun)
@@ -130,15 +134,20 @@ def _play(sent: bytes, data: bytes, rng: np.random.Generator, result: Fuzzed) ->
     result.wrong_rows += sum(row not in known for row in kept)
 
 
-def _damaged(sent: bytes, rng: np.random.Generator) -> tuple[bytes, int]:
+_TORN = b"<torn>"
+
+
+def _damaged(sent: bytes, rng: np.random.Generator, kinds: tuple[str, ...]) -> tuple[bytes, int]:
     """Damage up to half of the lines, each at most once; perhaps cut the end off."""
     lines = sent.splitlines(keepends=True)
     share = rng.uniform(0.0, 0.5)
     out, count = [], 0
     for i, line in enumerate(lines):
         if rng.random() < share * (0.05 if i == 0 else 1.0):
-            line = _hit(line, str(rng.choice(DAMAGES)), rng)
+            line = _hit(line, str(rng.choice(kinds)), rng)
             count += 1
+        if out and out[-1].endswith(_TORN):
+            out[-1], line = out[-1][: -len(_TORN)], line[int(rng.integers(1, len(line))) :]
         out.append(line)
     data = b"".join(out)
     if rng.random() < 0.3:
@@ -168,6 +177,8 @@ def _hit(line: bytes, kind: str, rng: np.random.Generator) -> bytes:
             return body
         case "burst":
             return body[:at] + rng.bytes(int(rng.integers(6, 60))) + body[at:] + end
+        case "overrun":
+            return body[: max(at, 1)] + _TORN
         case "banner":
             return BANNER + line
     return line + line
@@ -356,7 +367,8 @@ def endurance(seconds: float, folder: Path, rate_hz: int = 1000) -> Endured:
 
 
 def main(arguments: list[str]) -> int:
-    if len(arguments) != 2 or arguments[0] not in ("fuzz", "kills", "endurance"):
+    shows = ("fuzz", "overruns", "kills", "endurance")
+    if len(arguments) != 2 or arguments[0] not in shows:
         print(__doc__)
         return 2
     what, size = arguments[0], float(arguments[1])
@@ -364,6 +376,8 @@ def main(arguments: list[str]) -> int:
     with tempfile.TemporaryDirectory() as scratch:
         if what == "fuzz":
             print(fuzz(int(size)))
+        elif what == "overruns":
+            print(fuzz(int(size), kinds=OVERRUN))
         elif what == "kills":
             print(kills(int(size), Path(scratch)))
         else:

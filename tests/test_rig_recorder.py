@@ -653,6 +653,50 @@ def test_a_campaign_by_commands(tmp_path: Path, capfd: pytest.CaptureFixture[str
     assert data.campaign.provenance.kind == "synthetic"
 
 
+def test_a_person_is_led_through_the_angles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+    here = ["--campaign", tmp_path, "--material", "m", "--angles", "0,20,40", "--dwell", "0.4"]
+    with serving() as served:
+        monkeypatch.setattr("builtins.input", asked.append)
+        assert run("record", "calibration", served.port, *here) == 0
+        assert [question.split(" deg")[0] for question in asked] == [
+            "1/3: set the fixture to 0",
+            "2/3: set the fixture to 20",
+            "3/3: set the fixture to 40",
+        ]
+        time.sleep(0.1)
+
+        def nobody(question: str) -> None:
+            if question.startswith("2/3"):
+                raise EOFError
+
+        monkeypatch.setattr("builtins.input", nobody)
+        assert run("record", "calibration", served.port, *here) == 1
+    assert "nobody is there to press Enter" in capfd.readouterr().err
+    angles = read_spa_rig_log(tmp_path / "calibration" / "cal_01.log").columns["angle_deg"]
+    assert np.unique(angles).tolist() == [0.0, 20.0, 40.0]
+    (listed,) = yaml.safe_load((tmp_path / "campaign.yaml").read_text())["calibration"]
+    assert listed["file"] == "calibration/cal_01.log"
+    assert (tmp_path / "calibration" / "cal_02.log").exists()
+
+
+def test_an_aborted_trial_is_done_again_by_name_alone(tmp_path: Path) -> None:
+    here = ["--campaign", tmp_path, "--material", "m", "--experiment", "x"]
+    asked = ["--setpoint", "30", "--pressure", "30", "--rest", "0.2", "--dwell", "0.4"]
+    with serving("reset@0.3#1") as served:
+        assert run("record", served.port, *here, *asked, "--release", "0.2") == 1
+        time.sleep(0.1)
+        assert run("record", served.port, *here) == 0
+    again = read_campaign(tmp_path).experiments
+    assert [(it.name, it.setpoint_deg, it.protocol) for it in again] == [
+        ("x_aborted", None, "free"),
+        ("x", 30.0, "step_release"),
+    ]
+    assert "samples" not in memory(tmp_path)["logs"][0]  # a reset board does not know
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -71,9 +71,10 @@ def _short_run(options: argparse.Namespace) -> tuple[bytes, Outcome]:
         profile = check_profile(options.pressure)
         view = LiveView("check", profile.samples(options.rate), options.rate, out=sys.stderr)
         try:
-            outcome = record_trial(
-                link, info, profile, options.rate, heard.extend, interruption, view
-            )
+            with interruption.gently():
+                outcome = record_trial(
+                    link, info, profile, options.rate, heard.extend, interruption, view
+                )
         finally:
             view.close()
     return bytes(heard), outcome

@@ -26,6 +26,7 @@ from spa_fo.rig.recorder import Outcome, record_calibration, record_trial
 from spa_fo.rig.recording import Kept, RecordingFolder
 
 PROTOCOLS = ("step", "step_release", "staircase", "triangle", "hold", "free")
+INTERRUPTED = 130
 STOPPED = "stopped by the operator"
 ANGLES_DEG = (*range(0, 91, 15), *range(75, -1, -15))
 
@@ -74,11 +75,11 @@ class Series:
 
 
 class Interruption:
-    """Ctrl-C and SIGTERM as a wish: the trial ends vented and valid, then the series ends."""
+    """Ctrl-C and SIGTERM: at once, but a trial ends vented and valid first."""
 
     def __init__(self) -> None:
         self.why: str | None = None
-        self._asking = False
+        self._gentle = False
 
     def __call__(self) -> str | None:
         """Say why to stop, or None."""
@@ -86,37 +87,41 @@ class Interruption:
 
     @contextlib.contextmanager
     def heeded(self) -> Iterator[None]:
-        """Catch the signals; a second Ctrl-C ends the program at once."""
+        """Catch the signals; the exit code of an interrupted program is 130."""
 
         def note(number: int, frame: FrameType | None) -> None:
             again, self.why = self.why is not None, STOPPED
-            if again or self._asking:
+            if again or not self._gentle:
                 raise KeyboardInterrupt
 
         signals = (signal.SIGINT, signal.SIGTERM)
         before = [signal.signal(number, note) for number in signals]
         try:
             yield
+        except KeyboardInterrupt:
+            raise SystemExit(INTERRUPTED) from None
         finally:
             for number, handler in zip(signals, before, strict=True):
                 signal.signal(number, handler)
 
-    def ask(self, question: str) -> bool:
-        """Wait for Enter; False where Ctrl-C came instead.
-
-        Raises
-        ------
-        EOFError
-            Nobody is there to press it.
-        """
-        self._asking = True
+    @contextlib.contextmanager
+    def gently(self, gentle: bool = True) -> Iterator[None]:
+        """Only note the first signal; a second one ends the program at once all the same."""
+        before, self._gentle = self._gentle, gentle
         try:
-            input(question)
-        except KeyboardInterrupt:
-            return False
+            yield
         finally:
-            self._asking = False
-        return True
+            self._gentle = before
+
+    def ask(self, question: str) -> None:
+        """Wait for Enter, or until there is a reason to stop."""
+        try:
+            with self.gently(False):
+                input(question)
+        except KeyboardInterrupt:
+            pass
+        except EOFError:
+            self.why = "nobody is there to press Enter (see --settle)"
 
 
 Tell = Callable[[str], object]
@@ -346,7 +351,8 @@ def run_record(options: argparse.Namespace) -> None:
         info = link.wait_ready()
         tell(f"board {info.banner.board or 'unknown'}, up to {info.limit_kpa:g} kPa")
         setup = _setup(options, info)
-        with RecordingFolder(options.campaign, setup, options.continues) as folder:
+        campaign = RecordingFolder(options.campaign, setup, options.continues)
+        with campaign as folder, interruption.gently():
             for kept in folder.recovered:
                 if kept.file:
                     tell(f"recovered {kept.file}: {kept.why}, now {kept.place or 'set aside'}")
@@ -364,8 +370,8 @@ def run_record(options: argparse.Namespace) -> None:
                 result = record_series(link, info, folder, series, interruption, tell)
                 wanted = series.trials
     bad = [kept for kept in result if kept.why]
-    if interruption.why is not None:
-        raise SystemExit(130)
+    if interruption.why == STOPPED:
+        raise SystemExit(INTERRUPTED)
     if bad or len(result) < wanted:
         raise SystemExit(1)
 
@@ -413,6 +419,9 @@ def _series(options: argparse.Namespace, folder: RecordingFolder, info: BoardInf
     if options.model is not None and options.setpoint is not None and options.pressure is None:
         options.pressure = [pressure_for(options.setpoint, options.model)]
     asked = asked_for(options, before)
+    asked["setpoint_deg"] = options.setpoint
+    if options.setpoint is None:
+        asked["setpoint_deg"] = _known_setpoint(folder, options.experiment, before)
     if options.profile is not None:
         _keep_profile(options.profile, folder, options.experiment)
     profile = profile_of(asked, folder.folder)
@@ -423,13 +432,9 @@ def _series(options: argparse.Namespace, folder: RecordingFolder, info: BoardInf
             f"{info.limit_kpa:g} kPa",
         )
     _check_rate(options.rate, info)
-    setpoint = options.setpoint
-    entry = folder.experiment(options.experiment)
-    if setpoint is None and entry is not None:
-        setpoint = entry.get("setpoint_deg")
     return Series(
         options.experiment,
-        setpoint,
+        asked["setpoint_deg"],
         profile,
         asked,
         options.trials,
@@ -437,6 +442,14 @@ def _series(options: argparse.Namespace, folder: RecordingFolder, info: BoardInf
         options.rate,
         options.started_s,
     )
+
+
+def _known_setpoint(
+    folder: RecordingFolder, experiment: str, before: Mapping[str, Any] | None
+) -> float | None:
+    entry = folder.experiment(experiment) or before or {}
+    known = entry.get("setpoint_deg")
+    return None if known is None else float(known)
 
 
 def _keep_profile(source: Path, folder: RecordingFolder, experiment: str) -> None:
@@ -465,13 +478,9 @@ def _led(options: argparse.Namespace, interruption: Interruption) -> Iterator[fl
         if options.settle is not None:
             time.sleep(options.settle)
         else:
-            question = f"{place}/{len(angles)}: set the fixture to {angle:g} deg, then press Enter "
-            try:
-                interruption.ask(question)
-            except EOFError:
-                raise BadInput(
-                    "stdin", "is at its end; expected Enter at each angle, or --settle"
-                ) from None
+            interruption.ask(
+                f"{place}/{len(angles)}: set the fixture to {angle:g} deg, then press Enter "
+            )
         if interruption() is not None:
             return
         yield angle

@@ -137,6 +137,7 @@ class _Recording:
         self._moved_at = time.monotonic()
         self._stream: LiveStream | None = None
         self._before = b""
+        self._stopped = self._reset = False
         self.progress = Progress()
         self.outcome = Outcome()
         self._silence_s = _SILENCE_S + 2.0 * self.period_s
@@ -190,7 +191,7 @@ class _Recording:
         until = time.monotonic() + _STOP_S
         again = 0.0
         try:
-            while self.outcome.taken is None and (now := time.monotonic()) < until:
+            while not self._stopped and (now := time.monotonic()) < until:
                 if now >= again:
                     self.send(*(["vent"] if self.outcome.aborted else []), "stop")
                     again = now + _AGAIN_S
@@ -199,7 +200,7 @@ class _Recording:
             self.abort(f"the port was lost ({error})")
         if self._stream is not None:
             self.outcome.rows, self.outcome.damaged = self._stream.rows, self._stream.damaged
-        if self.outcome.taken is None and self.outcome.aborted is None:
+        if not self._stopped and self.outcome.aborted is None:
             self.outcome.notes.append("the board did not confirm that it stopped")
         return self.outcome
 
@@ -239,10 +240,13 @@ class _Recording:
         line = remark.line
         said = line.decode("ascii").removeprefix("# ")
         if remark.greets:
+            self._reset = True
             self.abort("the board reset itself")
         elif line.startswith(b"# stopped"):
+            self._stopped = True
             taken = settings(line).get("samples", "")
-            self.outcome.taken = int(taken) if taken.isdecimal() else None
+            if taken.isdecimal() and not self._reset:
+                self.outcome.taken = int(taken)
         elif line.startswith(b"# trip"):
             self.abort(f"the board vented: {said}")
         elif line.startswith(b"# refused limit"):
