@@ -354,7 +354,7 @@ def endurance(seconds: float, folder: Path, rate_hz: int = 1000) -> Endured:
         sent = os.pread(record.fileno(), os.fstat(record.fileno()).st_size, 0)
     data = (folder / kept.file).read_bytes()
     log = read_spa_rig_log(folder / kept.file)
-    expected = np.zeros(log.seq.size)
+    expected = np.zeros(int(log.seq[-1]) + 1)
     for sample, kpa in profile.by_sample(rate_hz):
         expected[sample:] = kpa
     return Endured(
@@ -362,7 +362,9 @@ def endurance(seconds: float, folder: Path, rate_hz: int = 1000) -> Endured:
         lost=log.report.missing_samples + (0 if not kept.why else log.seq.size),
         damaged=log.report.damaged_lines,
         same_bytes=data in sent,
-        late_commands=int(np.count_nonzero(np.abs(log.columns["cmd_kpa"] - expected) > 0.006)),
+        late_commands=int(
+            np.count_nonzero(np.abs(log.columns["cmd_kpa"] - expected[log.seq]) > 0.006)
+        ),
     )
 
 

@@ -219,6 +219,8 @@ class PtyServer:
         if not self._open:
             return
         for line in lines.splitlines(keepends=True):
+            if len(self._tx) + len(line) > _TX_BYTES:
+                self._write(time.monotonic())
             if len(self._tx) + len(line) <= _TX_BYTES:
                 comment = line.startswith(b"# ")
                 self._tx += line if comment else self._faults.damaged(line, self._rng)
