@@ -35,12 +35,14 @@ from virtual_bench import serving
 SETUP = Setup("test rubber", 30.0, kind="synthetic")
 UP = plateaus("step_release", [30.0], rest_s=0.4, dwell_s=1.0, release_s=0.6)
 STEP = Series("step_30", 30.0, UP, {"protocol": "step_release"}, trials=1, rest_s=5.0)
+CLOSED_S = 0.05  # a port that is opened again at once was never seen closed
 ANGLES = [0.0, 25.0, 50.0, 25.0, 0.0]
 
 
 def record(served, folder: Path, *series: Series, stop=lambda: None, calibrate: bool = True):
     """Calibrate and record series; what was kept."""
     kept = []
+    time.sleep(CLOSED_S)
     with BoardLink(served.port) as link:
         info = link.wait_ready()
         with RecordingFolder(folder, SETUP) as open_folder:
@@ -618,6 +620,7 @@ def test_a_fast_board_loses_no_sample(tmp_path: Path) -> None:
 
 
 def run(*arguments: object) -> int:
+    time.sleep(CLOSED_S)
     try:
         return main([str(argument) for argument in arguments])
     except SystemExit as end:
@@ -666,7 +669,6 @@ def test_a_person_is_led_through_the_angles(
             "2/3: set the fixture to 20",
             "3/3: set the fixture to 40",
         ]
-        time.sleep(0.1)
 
         def nobody(question: str) -> None:
             if question.startswith("2/3"):
@@ -687,7 +689,6 @@ def test_an_aborted_trial_is_done_again_by_name_alone(tmp_path: Path) -> None:
     asked = ["--setpoint", "30", "--pressure", "30", "--rest", "0.2", "--dwell", "0.4"]
     with serving("reset@0.3#1") as served:
         assert run("record", served.port, *here, *asked, "--release", "0.2") == 1
-        time.sleep(0.1)
         assert run("record", served.port, *here) == 0
     again = read_campaign(tmp_path).experiments
     assert [(it.name, it.setpoint_deg, it.protocol) for it in again] == [

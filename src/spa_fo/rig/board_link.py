@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import os
+import select
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +21,8 @@ from spa_fo.rig.wire import Banner, checksum, is_banner, parse_banner
 
 BAUD = 500_000
 _READ_S = 0.02
-_READ_BYTES = 4096
+_READ_BYTES = 16  # shorter than any line: a kill between reading and writing loses one at most
+_HEARD_BYTES = 8192
 _HELLO_AFTER_S = 3.0
 _HELLO_EVERY_S = 1.0
 _READY_S = 10.0
@@ -93,9 +96,7 @@ class BoardLink:
         self.port = port
         self._hello_after_s = hello_after_s
         try:
-            self._serial = serial.Serial(
-                port, baud, timeout=_READ_S, write_timeout=1.0, exclusive=True
-            )
+            self._serial = serial.Serial(port, baud, timeout=0, write_timeout=1.0, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
             raise BadInput(port, _why_not(error)) from error
 
@@ -115,7 +116,7 @@ class BoardLink:
         self._serial.close()
 
     def read(self) -> bytes:
-        """Return what has come, at least one byte, or nothing after 20 ms.
+        """Return what has come, at most 16 bytes, or nothing after 20 ms.
 
         Raises
         ------
@@ -123,11 +124,17 @@ class BoardLink:
             The port is gone.
         """
         try:
-            first: bytes = self._serial.read(1)
-            waiting = min(self._serial.in_waiting, _READ_BYTES) if first else 0
-            return first + bytes(self._serial.read(waiting)) if waiting else first
-        except (serial.SerialException, OSError, TypeError) as error:
+            ready, _, _ = select.select([self._serial.fileno()], [], [], _READ_S)
+            if not ready:
+                return b""
+            data = os.read(self._serial.fileno(), _READ_BYTES)
+        except BlockingIOError:
+            return b""
+        except (serial.SerialException, OSError, ValueError) as error:
             raise PortLost(str(error)) from error
+        if not data:
+            raise PortLost("it is ready but holds nothing")
+        return data
 
     def send(self, *commands: str) -> None:
         """Send commands, each with its checksum.
@@ -167,7 +174,7 @@ class BoardLink:
             info = greeting(heard)
             if info is not None:
                 return info
-            heard = heard[-2 * _READ_BYTES :]
+            heard = heard[-_HEARD_BYTES:]
         raise BadInput(self.port, f"no board within {timeout_s:g} s: {_silence(heard)}")
 
     def _try(self, command: str) -> None:
