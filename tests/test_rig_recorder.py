@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -278,7 +279,7 @@ def test_what_a_person_wrote_above_the_keys_stays(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rate_hz", [200, 1000])
 def test_other_rates(tmp_path: Path, rate_hz: int) -> None:
-    with serving(speed=4.0) as served:
+    with serving(speed=10.0) as served:
         record(served, tmp_path, Series("step_30", 30.0, UP, {}, rate_hz=rate_hz))
     (trial,) = valid(tmp_path).trials
     assert np.median(np.diff(trial.t_s)) == pytest.approx(1.0 / rate_hz, rel=0.01)
@@ -304,7 +305,7 @@ def test_a_trial_cut_short_is_kept_as_aborted(
     monkeypatch.setattr("spa_fo.rig.recorder._SILENCE_S", 0.5)
     monkeypatch.setattr("spa_fo.rig.recorder._STOP_S", 0.5)
     with serving(fault) as served:
-        kept = record(served, tmp_path, Series("step_30", 30.0, UP, {}, trials=3))
+        kept = record(served, tmp_path, replace(STEP, trials=3))
         sent = bytes(served.sent)
     assert len(kept) == 2  # the series ends there
     assert why in kept[1].why
@@ -336,7 +337,7 @@ def test_stopping_vents_and_keeps_the_trial(tmp_path: Path) -> None:
 
 def test_a_dead_sensor_does_not_spoil_the_campaign(tmp_path: Path) -> None:
     with serving("flex-railed@0.5#3") as served:
-        kept = record(served, tmp_path, Series("step_30", 30.0, UP, {}, trials=3))
+        kept = record(served, tmp_path, replace(STEP, trials=3))
     assert [one.place for one in kept] == ["calibration", "step_30", ""]
     assert "angle outside calibration" in kept[2].why
     data = valid(tmp_path)
@@ -356,7 +357,7 @@ def test_a_calibration_of_a_dead_sensor_is_set_aside(tmp_path: Path) -> None:
 
 def test_a_bad_cable_costs_lines_not_trials(tmp_path: Path) -> None:
     with serving("cut=0.02", "doubled=0.02", "flipped=0.02", "lost=0.02", "glued=0.01") as served:
-        kept = record(served, tmp_path, Series("step_30", 30.0, UP, {}, trials=3))
+        kept = record(served, tmp_path, replace(STEP, trials=3))
     assert [one.why for one in kept] == [""] * 4
     data = valid(tmp_path)
     assert sum(file.damaged_lines for file in data.report.files) > 5

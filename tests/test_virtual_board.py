@@ -343,7 +343,7 @@ def test_every_event_can_be_struck() -> None:
                 heard(port, b"queue=32")
                 port.write(said("run"))
                 try:
-                    log = heard(port, b"\n40,", 1.0 if kind in ("reset", "unplug") else 5.0)
+                    log = heard(port, b"\n40,", 0.5 if kind in ("reset", "unplug") else 5.0)
                 except (serial.SerialException, OSError, TypeError):
                     log = b""
             if kind == "reset":
