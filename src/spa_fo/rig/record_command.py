@@ -25,7 +25,6 @@ from spa_fo.rig.live_view import LiveView
 from spa_fo.rig.recorder import Outcome, record_calibration, record_trial
 from spa_fo.rig.recording import Kept, RecordingFolder
 
-PROTOCOLS = ("step", "step_release", "staircase", "triangle", "hold", "free")
 INTERRUPTED = 130
 STOPPED = "stopped by the operator"
 ANGLES_DEG = (*range(0, 91, 15), *range(75, -1, -15))

@@ -376,8 +376,7 @@ class VirtualBoard:
         return data_line(*values) + self._line_end
 
     def _banner(self, columns: str, rate_hz: int) -> bytes:
-        line = banner(columns, rate_hz).replace(b"board=mega2560", b"board=virtual")
-        return line + self._line_end
+        return banner(columns, rate_hz, "virtual") + self._line_end
 
     def _greeting(self) -> bytes:
         ready = (
