@@ -9,14 +9,19 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
 PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
+FIRMWARE_TOOLS := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev gcc libc6-dev
+APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
+  -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce blind real-data test format unlock lock
+.PHONY: help reproduce blind real-data test firmware firmware-tools format unlock lock
 
 help:
 	@echo "make reproduce   raw logs -> results/ (CORES=$(CORES))"
 	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (hours)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
+	@echo "make firmware    build the board's program, and a simulated board to run it on"
+	@echo "make firmware-tools   install what that needs (Debian, as root)"
 	@echo "make format      format Python and Snakemake files"
 	@echo "make unlock      after a killed run: release Snakemake's lock"
 	@echo "make lock        resolve the dependencies anew into requirements.lock"
@@ -47,6 +52,14 @@ test: $(INSTALLED)
 	$(BIN)/snakefmt --check Snakefile workflow
 	$(BIN)/snakemake --lint
 	$(BIN)/pytest
+
+firmware:
+	$(MAKE) -C firmware all sim
+
+# Quiet, and quick to give up where there is no network.
+firmware-tools:
+	@dpkg-query --show $(FIRMWARE_TOOLS) >/dev/null 2>&1 || { \
+	  $(APT) update && $(APT) install --yes --no-install-recommends $(FIRMWARE_TOOLS); } >/dev/null
 
 format: $(INSTALLED)
 	$(BIN)/ruff check --fix .

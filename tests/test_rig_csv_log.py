@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import naive_rig
 from spa_fo.errors import BadInput
 from spa_fo.rig.campaign import Column, LogFormat
-from spa_fo.rig.csv_log import CsvLog, _longest_increasing, read_csv_log
+from spa_fo.rig.csv_log import CsvLog, longest_increasing, read_csv_log
 
 NAMED = LogFormat(
     "csv",
@@ -226,7 +226,7 @@ def test_a_trailing_delimiter_is_no_column(tmp_path: Path) -> None:
 
 @given(st.lists(st.integers(0, 12).map(float), max_size=20))
 def test_the_longest_increasing_sequence(values: list[float]) -> None:
-    chain = _longest_increasing(values)
+    chain = longest_increasing(values)
     assert len(chain) == naive_rig.naive_longest_increasing(values)
     assert all(i < j and values[i] < values[j] for i, j in pairwise(chain))
 

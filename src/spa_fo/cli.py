@@ -1,4 +1,4 @@
-"""The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``plan``.
+"""The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``plan``, and the rig's.
 
 Every command leaves with 0 when done and with 2 on bad input, after one clear line on stderr.
 """
@@ -17,6 +17,7 @@ from spa_fo import __version__
 from spa_fo.atomic import write_text
 from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error, keep_blas_to_one_thread
 from spa_fo.errors import BadInput
+from spa_fo.rig_cli import add_rig_commands
 
 if TYPE_CHECKING:
     from spa_fo.identify import Bounds
@@ -44,10 +45,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"spa-fo {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_parse(commands)
+    _add_inspect(commands)
     _add_fit(commands)
     _add_predict(commands)
     _add_diagnose(commands)
     _add_plan(commands)
+    add_rig_commands(commands, _command)
     return parser
 
 
@@ -92,6 +95,30 @@ def _parse(options: argparse.Namespace) -> None:
     if options.out:
         write_trials(options.out, data.trials)
     print(data.report.to_markdown())
+
+
+def _add_inspect(commands: Commands) -> None:
+    parser = _command(
+        commands,
+        "inspect",
+        "say what a log of any make holds, guess its columns, and print the section for "
+        "campaign.yaml that reads it",
+        "spa-fo inspect step_20psi.csv\n  spa-fo inspect step_20psi.csv --plot look",
+    )
+    parser.add_argument("file", metavar="FILE", type=Path, help="a csv log, or a spa-rig log")
+    parser.add_argument("--plot", metavar="STEM", type=Path, help="draw it: STEM.png and STEM.pdf")
+    parser.set_defaults(run=_inspect)
+
+
+def _inspect(options: argparse.Namespace) -> None:
+    from spa_fo.rig.inspect_log import inspect_log
+
+    inspection = inspect_log(options.file)
+    if options.plot:
+        from spa_fo.report.inspect_figure import write_inspect_figure
+
+        write_inspect_figure(inspection, options.plot)
+    print(inspection.text(), end="")
 
 
 def _add_fit(commands: Commands) -> None:

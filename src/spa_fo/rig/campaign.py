@@ -153,12 +153,13 @@ def read_campaign(folder: Path | str) -> Campaign:
         raise BadInput(path, "is missing; expected the description of the campaign")
     document = load_yaml(path)
     validate(document, package_schema("spa_fo.rig", "campaign.schema.yaml"), path)
-    campaign = _build(document, folder)
+    campaign = build_campaign(document, folder)
     _check_sense(campaign)
     return replace(campaign, warnings=_check_files(campaign))
 
 
-def _build(document: Mapping[str, Any], folder: Path) -> Campaign:
+def build_campaign(document: Mapping[str, Any], folder: Path) -> Campaign:
+    """Build a campaign from a valid campaign.yaml; nothing is checked against the files."""
     calibration = [
         CalibrationFile(_plain(item["file"]), folder / item["file"], float(item["started_s"]))
         for item in document.get("calibration", [])
@@ -185,7 +186,7 @@ def _build(document: Mapping[str, Any], folder: Path) -> Campaign:
         name=document["name"],
         material=document["material"],
         provenance=Provenance(**document["provenance"]),
-        log=_log_format(document["log"], folder / "campaign.yaml"),
+        log=log_format(document["log"], folder / "campaign.yaml"),
         reference_kpa=float(document["input"]["reference_kpa"]),
         experiments=experiments,
         calibration=tuple(sorted(calibration, key=lambda item: item.started_s)),
@@ -219,7 +220,14 @@ def _pressure_sensor(entry: Mapping[str, Any] | None, path: Path) -> PressureSen
     )
 
 
-def _log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
+def log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
+    """Return what the ``log:`` section `entry`, which holds to the schema, says.
+
+    Raises
+    ------
+    BadInput
+        It contradicts itself; `path` is the campaign.yaml that the message names.
+    """
     if entry["format"] == "spa-rig":
         extra = sorted(set(entry) - {"format"})
         if extra:

@@ -7,10 +7,13 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from spa_fo.atomic import write_text
 from spa_fo.errors import BadInput
 from spa_fo.rig.raw import read_bytes
 
 NAME = "SHA256SUMS"
+RECORDING = ".recording"
+"""Suffix of the file beside a log that is not finished: until then the log need not be listed."""
 _LINE = re.compile(r"(?P<digest>[0-9a-fA-F]{64}) [ *](?P<file>.+)")
 
 
@@ -76,7 +79,7 @@ def verify(folder: Path, files: Mapping[str, str]) -> tuple[str, ...]:
     tuple of str
         What is odd, in words: files that are listed and sound but that campaign.yaml does not
         name; trials of one experiment that are the same to the byte, as those of a simulator
-        without noise may be.
+        without noise may be; logs that are still being recorded.
 
     Raises
     ------
@@ -109,6 +112,21 @@ def verify(folder: Path, files: Mapping[str, str]) -> tuple[str, ...]:
         elif name != "campaign.yaml":
             warnings.append(f"{name} is in {NAME}, but campaign.yaml does not name it")
     for path in sorted(folder.rglob("*.log")):
-        if path.relative_to(folder).as_posix() not in expected:
+        name = path.relative_to(folder).as_posix()
+        if name in expected:
+            continue
+        if path.with_suffix(RECORDING).exists():
+            warnings.append(f"{name} is still being recorded, or its recorder was killed")
+        else:
             raise BadInput(path, f"is not listed in {NAME}; expected every raw file there")
     return tuple(warnings)
+
+
+def add(folder: Path, file: str) -> None:
+    """List a raw file in a campaign's ``SHA256SUMS``, if it is not listed; made where missing."""
+    path = folder / NAME
+    known = read_checksums(folder) if path.exists() else {}
+    if file not in known:
+        text = path.read_text(encoding="utf-8-sig").rstrip() if known else ""
+        digest = hashlib.sha256(read_bytes(folder / file, "a raw file")).hexdigest()
+        write_text(path, f"{text}\n{digest}  {file}\n".lstrip())

@@ -36,10 +36,10 @@ UNITS = {
     "1": 1.0,
 }
 _FAR = 2.0  # times the length of the log
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3}){2,}")
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
-_NOT_FINITE = {"nan", "inf", "infinity", "-nan", "-inf", "+inf", "na", "n/a", "null", "none"}
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3}){2,}")
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+NOT_FINITE = {"nan", "inf", "infinity", "-nan", "-inf", "+inf", "na", "n/a", "null", "none"}
 
 
 @dataclass(frozen=True)
@@ -90,11 +90,13 @@ def read_csv_log(
         or fewer than two valid rows.
     """
     path = Path(path)
-    lines, whole = _read_lines(path)
+    lines, whole = read_lines(path)
     columns = log.columns or {}
     roles = tuple(columns) if roles is None else tuple(dict.fromkeys(("time", *roles)))
     needed = {role: columns[role] for role in roles}
-    rows = [(number, _split(line, log.delimiter)) for number, line in enumerate(lines, start=1)]
+    rows = [
+        (number, split_fields(line, log.delimiter)) for number, line in enumerate(lines, start=1)
+    ]
     header, rows = _take_header(rows, log, needed.values(), path)
     data = [(number, row) for number, row in rows if row is not None and row[0][:1] != "#"]
     places = _locate(needed, header, data, path)
@@ -143,7 +145,7 @@ def read_csv_log(
     )
 
 
-def _read_lines(path: Path) -> tuple[list[str], bool]:
+def read_lines(path: Path) -> tuple[list[str], bool]:
     """Return the lines without their ends, and whether the last one was ended."""
     data = read_bytes(path, "a csv log")
     if not data:
@@ -156,7 +158,7 @@ def _read_lines(path: Path) -> tuple[list[str], bool]:
     return (lines[:-1] if whole else lines), whole
 
 
-def _split(line: str, delimiter: str) -> list[str] | None:
+def split_fields(line: str, delimiter: str) -> list[str] | None:
     """Split a line into bare fields; None if it is blank."""
     if not line.strip():
         return None
@@ -199,7 +201,7 @@ def _locate(
             names = [name for name in header or [] if name]
             hint = (
                 "; the first line holds numbers: header: false?"
-                if names and all(_NUMBER.fullmatch(name) for name in names)
+                if names and all(NUMBER.fullmatch(name) for name in names)
                 else suggestion(item.column, names[:12])
             )
             raise BadInput(path, f"line 1 names no column '{item.column}'{hint}", where)
@@ -241,7 +243,7 @@ def _parse_rows(
                 found = [float(text) for text in texts]
             except ValueError:
                 found = []
-            if found and all(map(math.isfinite, found)) and all(map(_NUMBER.fullmatch, texts)):
+            if found and all(map(math.isfinite, found)) and all(map(NUMBER.fullmatch, texts)):
                 values.append(found)
                 numbers.append(number)
             else:
@@ -253,13 +255,13 @@ def _reason(texts: Sequence[str]) -> str:
     for text in texts:
         if not text:
             return "empty field"
-        if text.lower() in _NOT_FINITE:
+        if text.lower() in NOT_FINITE:
             return "nan"
-        if _THOUSANDS.fullmatch(text):
+        if THOUSANDS.fullmatch(text):
             return "thousands dots"
-        if _DECIMAL_COMMA.fullmatch(text):
+        if DECIMAL_COMMA.fullmatch(text):
             return "decimal comma"
-        if not _NUMBER.fullmatch(text):
+        if not NUMBER.fullmatch(text):
             return "not a number"
     return "nan"
 
@@ -276,7 +278,7 @@ def _refuse_thousands(
         return
     row = next(row for number, row in data if number == lines[0])
     assert row is not None
-    text = next(row[place] for place in places if _THOUSANDS.fullmatch(row[place]))
+    text = next(row[place] for place in places if THOUSANDS.fullmatch(row[place]))
     raise BadInput(
         path,
         f"'{text}' looks like thousands grouped by dots ({len(lines)} such lines), which makes "
@@ -314,7 +316,7 @@ def _pauses(time: Floats) -> int:
 def _increasing(
     time: Floats, raw: Floats, numbers: Sequence[int], tally: Tally
 ) -> tuple[npt.NDArray[np.int64], int]:
-    keep = np.array(_longest_increasing(time.tolist()), dtype=np.int64)
+    keep = np.array(longest_increasing(time.tolist()), dtype=np.int64)
     kept = {float(time[i]): i for i in keep}
     duplicates = 0
     for i in sorted(set(range(len(time))) - set(keep.tolist())):
@@ -328,7 +330,7 @@ def _increasing(
     return keep, duplicates
 
 
-def _longest_increasing(values: Sequence[float]) -> list[int]:
+def longest_increasing(values: Sequence[float]) -> list[int]:
     """Return indices of a longest strictly increasing subsequence, the earliest of equal values.
 
     One value far too large or too small costs itself alone, unlike a comparison with the running

@@ -169,6 +169,18 @@ def read_trials(campaign: Campaign) -> CampaignData:
     )
 
 
+def earliest_calibration(campaign: Campaign) -> Calibration | None:
+    """Read the calibration that every angle of a campaign comes through; None where it has none.
+
+    Raises
+    ------
+    BadInput
+        Its log cannot be used.
+    """
+    first = next(iter(campaign.calibration), None)
+    return None if first is None else _read_calibration(campaign, first)[0]
+
+
 def _read_calibration(campaign: Campaign, item: CalibrationFile) -> tuple[Calibration, FileReport]:
     if campaign.log.format == "csv" and not _is_spa_rig(item.path):
         columns = campaign.log.columns or {}
@@ -276,13 +288,13 @@ def _plausible(samples: _Samples, campaign: Campaign) -> _Samples:
         beyond = np.abs(samples.command_kpa - centre) > reach
         samples = samples.without(beyond, "command range")
     if samples.flex_adc is not None:
-        samples = samples.without(_dropouts(samples.flex_adc), "adc dropout")
+        samples = samples.without(dropouts(samples.flex_adc), "adc dropout")
     if samples.t_s.size < 2:
         raise BadInput(campaign.folder / samples.report.file, "holds fewer than 2 valid samples")
     return samples
 
 
-def _dropouts(counts: Floats) -> Bools:
+def dropouts(counts: Floats) -> Bools:
     """Find readings of 0 that are a broken contact: a few samples between readings far from 0."""
     zero = counts == 0.0
     found = np.zeros(counts.shape, dtype=np.bool_)

@@ -15,10 +15,10 @@ CALIBRATION_COLUMNS = "seq,t_us,angle_deg,flex_adc"
 _LINE_ENDS = b"\r\n"
 
 
-def banner(columns: str, rate_hz: int) -> bytes:
+def banner(columns: str, rate_hz: int, board: str = "mega2560") -> bytes:
     """Compose the line a board sends after a reset, without its end."""
     return (
-        f"# spa-rig 1 board=mega2560 adc_bits=10 vref_mv=5000 rate_hz={rate_hz} columns={columns}"
+        f"# spa-rig 1 board={board} adc_bits=10 vref_mv=5000 rate_hz={rate_hz} columns={columns}"
     ).encode("ascii")
 
 

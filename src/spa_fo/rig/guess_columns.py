@@ -1,0 +1,357 @@
+"""Guess what the columns of a foreign log mean: by their names, else by how they move."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from spa_fo.rig.campaign import Column
+from spa_fo.rig.csv_log import longest_increasing
+from spa_fo.rig.delimited import Table
+
+Floats = npt.NDArray[np.float64]
+
+# Words in the languages of the logs met so far, as the parts of a name: t_s is t and s.
+_WORDS = {
+    "time": "t time timestamp clock elapsed zeit tijd temps micros millis sec secs seconds",
+    "command": "cmd command commanded setpoint set target desired des ref reference pd pwm input",
+    "pressure": "p pressure press druck pressione pm gauge manifold",
+    "angle": "angle bend bending theta phi pitch roll yaw winkel hoek rotation deg degrees rad",
+    "flex_adc": "flex adc raw counts bendsensor",
+}
+_UNIT_WORDS = {
+    "s": "s sec secs second seconds",
+    "ms": "ms msec millis milliseconds",
+    "us": "us usec micros microseconds µs μs",
+    "Pa": "pa",
+    "hPa": "hpa mbar",
+    "kPa": "kpa",
+    "bar": "bar",
+    "psi": "psi psig psia",
+    "deg": "deg degree degrees °",
+    "rad": "rad rads radian radians",
+}
+_TIME_UNITS = ("s", "ms", "us")
+_PRESSURE_UNITS = ("Pa", "hPa", "kPa", "bar", "psi")
+_ANGLE_UNITS = ("deg", "rad")
+_ATMOSPHERE = {"Pa": 101_325.0, "hPa": 1013.25, "kPa": 101.325}  # bar and psi: too near 1 and 15
+_FEWEST = 0.05  # share of the rows that must hold a number
+_PLAUSIBLE_RATES_HZ = (4.0, 5000.0)
+_MOVED = 0.02  # of a command's range
+_DEGREES_AT_LEAST = 3.5  # an angle that reaches farther is none in rad
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What a column may be, and why; `rivals` are 0-based places that would do as well."""
+
+    place: int
+    column: Column
+    why: str
+    rivals: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Look:
+    """One column at a glance; `values` hold its finite numbers alone."""
+
+    place: int
+    values: Floats
+    words: frozenset[str]
+    unit: str
+    share: float
+
+    @property
+    def range(self) -> float:
+        """From the 1st to the 99th percentile: a dropout must not count."""
+        return float(np.subtract(*np.percentile(self.values, [99.0, 1.0])))
+
+    @property
+    def repeats(self) -> float:
+        return float(np.mean(np.diff(self.values) == 0.0))
+
+    def named(self, role: str) -> bool:
+        return bool(self.words & set(_WORDS[role].split()))
+
+    def moves(self) -> bool:
+        return bool(np.ptp(self.values) > 0.0)
+
+
+def guess_columns(table: Table) -> dict[str, Guess]:
+    """Guess the columns of a log by role, in the order of campaign.yaml.
+
+    Names come first, units within them (``time_ms``, ``p [kPa]``) or below them; where there are
+    none, a clock is what rises, a command what stays at few levels, a pressure what rests at
+    the atmosphere's, an angle what rests near 0 and sweeps tens of degrees, a flex count a whole
+    number that does not rest there.
+
+    Parameters
+    ----------
+    table : Table
+        As read by `read_table`.
+
+    Returns
+    -------
+    dict of str to Guess
+        Without a key ``time`` where nothing rises.
+    """
+    looks = [look for place in range(table.width) if (look := _look(table, place)) is not None]
+    found: dict[str, Guess] = {}
+    clock = _guess_time(looks)
+    if clock is None:
+        return found
+    found["time"] = clock
+    rest = [look for look in looks if look.place != clock.place]
+    for role, guess in (
+        ("command", _guess_command),
+        ("pressure", _guess_pressure),
+        ("angle", _guess_angle),
+        ("flex_adc", _guess_flex),
+    ):
+        chosen = guess(rest, table, found)
+        if chosen is not None:
+            found[role] = chosen
+            rest = [look for look in rest if look.place != chosen.place]
+    return found
+
+
+def rest_rows(values: Floats) -> int:
+    """Count the rows before a command first leaves its first value; `values` may hold nan."""
+    finite = np.flatnonzero(np.isfinite(values))
+    if not finite.size:
+        return 0
+    moved = np.abs(values - values[finite[0]]) > _MOVED * np.ptp(values[finite])
+    return int(np.argmax(moved)) if moved.any() else int(values.size)
+
+
+def _look(table: Table, place: int) -> _Look | None:
+    column = table.values[:, place]
+    values = column[np.isfinite(column)]
+    if values.size < max(2, _FEWEST * column.size):
+        return None
+    name = table.names[place] if table.names else ""
+    unit = table.units[place] if table.units else ""
+    words = _words(name)
+    return _Look(
+        place, values, words, _unit(words | _words(unit)), float(values.size / column.size)
+    )
+
+
+def _words(name: str) -> frozenset[str]:
+    """Split a name into lower-case words: ``Time_ms``, ``tipAngle [deg]``, ``p1``."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", name)
+    return frozenset(re.findall(r"[^\W\d_]+|°", apart.lower()))
+
+
+def _unit(words: Iterable[str]) -> str:
+    words = set(words)
+    return next((unit for unit, own in _UNIT_WORDS.items() if words & set(own.split())), "")
+
+
+def _guess_time(looks: Sequence[_Look]) -> Guess | None:
+    rising = [look for look in looks if _rises(look)]
+    if not rising:
+        return None
+    look = max(rising, key=lambda one: (_is_clock_name(one), not _counts_rows(one), -one.place))
+    unit, why = _time_unit(look)
+    rivals = tuple(one.place for one in rising if one is not look)
+    return Guess(look.place, Column(look.place + 1, unit), why, rivals)
+
+
+def _is_clock_name(look: _Look) -> bool:
+    return look.named("time") or look.unit in _TIME_UNITS
+
+
+def _rises(look: _Look) -> bool:
+    """Say whether a column rises on the whole, some backward or repeated rows allowed."""
+    steps = np.diff(look.values)
+    need = 0.5 if _is_clock_name(look) else 0.9
+    forward = np.count_nonzero(steps > 0.0) / steps.size
+    if _is_clock_name(look) and np.all(steps >= 0.0) and steps.any():
+        return True
+    return bool(
+        forward >= need and len(longest_increasing(look.values.tolist())) >= need * look.values.size
+    )
+
+
+def _counts_rows(look: _Look) -> bool:
+    return bool(np.all(np.diff(look.values) == 1.0))
+
+
+def _time_unit(look: _Look) -> tuple[str, str]:
+    if look.unit in _TIME_UNITS:
+        return look.unit, "its name says so" if look.words else "its unit says so"
+    steps = np.diff(look.values)
+    step = float(np.median(steps[steps > 0.0]))
+    rates = {"s": 1.0 / step, "ms": 1e3 / step, "us": 1e6 / step}
+    low, high = _PLAUSIBLE_RATES_HZ
+    # Seconds have digits behind the point, at any rate worth logging.
+    order = ("s", "ms", "us") if step < 1.0 else ("ms", "us", "s")
+    unit = next((unit for unit in order if low <= rates[unit] <= high), order[0])
+    return unit, f"it rises; {rates[unit]:.4g} rows a second if in {unit}"
+
+
+def _guess_command(
+    looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]
+) -> Guess | None:
+    named = [look for look in looks if look.named("command") and not look.named("flex_adc")]
+    moving = [look for look in named if look.moves()]
+    steps = [] if named else [look for look in looks if _is_stepwise(look)]
+    look = next(iter([*moving, *named, *steps]), None)
+    if look is None:
+        return None
+    unit = look.unit if look.unit in _PRESSURE_UNITS else "1"
+    why = "its name says so" if named else f"it keeps to {np.unique(look.values).size} levels"
+    if unit == "1":
+        why += f"; unit unknown, {look.values.min():g} to {look.values.max():g}"
+    first = float(look.values[0])
+    offset = -first if unit != "1" and look.moves() and first == look.values.min() else 0.0
+    if offset:
+        why += f"; rests at {first:g}"
+    rivals = tuple(one.place for one in (moving if named else steps) if one is not look)
+    return Guess(look.place, Column(look.place + 1, unit, offset=offset + 0.0), why, rivals)
+
+
+def _is_stepwise(look: _Look) -> bool:
+    levels = np.unique(look.values)
+    wide = np.ptp(look.values) > 0.2 * np.abs(look.values).max()
+    return bool(
+        2 <= levels.size <= max(4, 0.02 * look.values.size) and look.repeats > 0.95 and wide
+    )
+
+
+def _guess_pressure(
+    looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]
+) -> Guess | None:
+    named = [
+        look
+        for look in looks
+        if (look.named("pressure") or look.unit in _PRESSURE_UNITS) and not look.named("command")
+    ]
+    absolute = [] if named else [look for look in looks if look.moves() and _atmosphere(look)]
+    candidates = [look for look in named if look.moves()] or absolute
+    if not candidates:
+        return None
+    look = _most_alike(candidates, table, found.get("command"))
+    rivals = tuple(one.place for one in candidates if one is not look)
+    unit = look.unit if look.unit in _PRESSURE_UNITS else ""
+    command = found.get("command")
+    rest = _rest_value(table, look, command)
+    outside = _atmosphere(look)
+    if outside is not None and unit in ("", outside[0]):
+        unit, low = outside
+        zero = rest if abs(rest / low - 1.0) < 0.05 else low
+        offset, why = -zero, f"it rests at the atmosphere's {zero:g} {unit}"
+    else:
+        why = "its name says so" + ("" if unit else "; unit unknown, kPa assumed")
+        offset, zero_why = _gauge_offset(look, rest, unit, command)
+        why += zero_why
+    return Guess(look.place, Column(look.place + 1, unit or "kPa", offset=offset), why, rivals)
+
+
+def _gauge_offset(look: _Look, rest: float, unit: str, command: Guess | None) -> tuple[float, str]:
+    """Take the command's zero where both have one unit, else the value at rest if far from 0."""
+    if command is not None and command.column.unit == unit and command.column.offset:
+        return command.column.offset, "; its zero is the command's"
+    if abs(rest) > 0.05 * np.ptp(look.values):
+        return -rest, f"; rests at {rest:g}"
+    return 0.0, ""
+
+
+def _atmosphere(look: _Look) -> tuple[str, float] | None:
+    """Return unit and value where the column's low or first value is the atmosphere's."""
+    for low in (float(np.percentile(look.values, 10.0)), float(look.values[0])):
+        for unit, one in _ATMOSPHERE.items():
+            if abs(low / one - 1.0) < 0.05:
+                return unit, _round(low)
+    return None
+
+
+def _rest_value(table: Table, look: _Look, command: Guess | None) -> float:
+    """Return the median before the command first moves; without one, a low percentile."""
+    if command is not None:
+        rows = rest_rows(table.values[:, command.place])
+        before = table.values[:rows, look.place]
+        before = before[np.isfinite(before)]
+        if before.size > 0 and rows < len(table.values):
+            return _round(float(np.median(before)))
+    return _round(float(np.percentile(look.values, 10.0)))
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def _most_alike(looks: Sequence[_Look], table: Table, command: Guess | None) -> _Look:
+    """Return the column that follows the command best; the first one without a command."""
+    if command is None:
+        return looks[0]
+    drive = table.values[:, command.place]
+    return max(looks, key=lambda look: _likeness(drive, table.values[:, look.place]))
+
+
+def _likeness(drive: Floats, response: Floats) -> float:
+    both = np.isfinite(drive) & np.isfinite(response)
+    x, y = drive[both], response[both]
+    if x.size < 2 or not np.ptp(x) or not np.ptp(y):
+        return 0.0
+    return round(abs(float(np.corrcoef(x / np.abs(x).max(), y / np.abs(y).max())[0, 1])), 6)
+
+
+def _guess_angle(looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]) -> Guess | None:
+    named = [
+        look
+        for look in looks
+        if (look.named("angle") or look.unit in _ANGLE_UNITS) and not _is_count(look)
+    ]
+    swings = [] if named else [look for look in looks if _sweeps_from_zero(look, table, found)]
+    candidates = named or swings
+    if not candidates:
+        return None
+    look = max(candidates, key=lambda one: one.range) if swings else candidates[0]
+    unit = look.unit if look.unit in _ANGLE_UNITS else ""
+    why = "its name says so" if named else "it rests near 0 and sweeps as an angle in deg may"
+    if not unit:
+        unit = "deg" if np.abs(look.values).max() > _DEGREES_AT_LEAST else "rad"
+        if named:
+            why += f"; unit unknown, {unit} by its size"
+    driven = found.get("command") or found.get("pressure")
+    rest = _rest_value(table, look, found.get("command")) if driven else 0.0
+    zero = driven is not None and abs(rest) > 0.005 * np.ptp(look.values)
+    if zero:
+        why += f"; rests at {rest:.3g}"
+    rivals = tuple(one.place for one in candidates if one is not look)
+    column = Column(look.place + 1, unit, rest="zero" if zero else "keep")
+    return Guess(look.place, column, why, rivals)
+
+
+def _is_count(look: _Look) -> bool:
+    return look.named("flex_adc") and look.unit == ""
+
+
+def _sweeps_from_zero(look: _Look, table: Table, found: Mapping[str, Guess]) -> bool:
+    rest = _rest_value(table, look, found.get("command"))
+    fine = np.unique(look.values).size > 20
+    return bool(fine and 5.0 <= look.range <= 400.0 and abs(rest) < 0.2 * look.range)
+
+
+def _guess_flex(looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]) -> Guess | None:
+    named = [look for look in looks if look.named("flex_adc") and look.moves()]
+    counts = [] if named or "angle" in found else [look for look in looks if _like_counts(look)]
+    candidates = named or counts
+    if not candidates:
+        return None
+    look = max(candidates, key=lambda one: one.range)
+    why = "its name says so" if named else "whole numbers, as an ADC gives them"
+    rivals = tuple(one.place for one in candidates if one is not look)
+    return Guess(look.place, Column(look.place + 1, "1"), why, rivals)
+
+
+def _like_counts(look: _Look) -> bool:
+    values = look.values
+    whole = bool(np.all(values == np.round(values)) and values.min() >= 0 and values.max() < 65536)
+    return whole and np.unique(values).size > 20 and not _is_stepwise(look)
