@@ -177,20 +177,35 @@ def _with_missed(evidence: Evidence, fit: DriveFit) -> Floats:
     """
     grid = evidence.grid
     pressure = modelled_pressure(evidence, fit.effects)
-    own = fit.residual_kpa - fit.missed_kpa
-    noise = evidence.pressure_noise_kpa / np.sqrt(grid.counts)
-    missed = fit.missed_kpa.copy()
-    for rows in evidence.rows:
-        sign = np.sign(own[rows]) * (np.abs(own[rows]) > _STANDS_OUT * noise[rows] + _NOTHING_KPA)
-        # A lone sample beside a jump only says that it was taken just before or after.
-        again = np.append(sign[1:], 0.0), np.append(0.0, sign[:-1])
-        kept = (sign != 0.0) & ((sign == again[0]) | (sign == again[1]))
-        missed[rows] += np.where(kept, own[rows], 0.0)
+    own = _standing_out(evidence, fit)
     for trial, rows in enumerate(evidence.rows):
         first, end = grid.cell_starts[trial : trial + 2]
         time = FINEST_STEP_S * (np.arange(end - first) + 0.5)
-        pressure[first:end] += np.interp(time, grid.time_s[rows], missed[rows])
+        pressure[first:end] += np.interp(time, grid.time_s[rows], fit.missed_kpa[rows])
+        for row in rows[own[rows] != 0.0]:
+            step = grid.sample_step[row]
+            cell = grid.first_cell[step]
+            pressure[cell : cell + grid.cells[step]] += own[row]
     return pressure
+
+
+def _standing_out(evidence: Evidence, fit: DriveFit) -> Floats:
+    """Find what single trials' pressures differ by, kPa; 0 where it may be noise.
+
+    A lone sample beside a jump only says that it was taken just before or after: at least two in a
+    row have to be off by about as much.
+    """
+    left = fit.residual_kpa - fit.missed_kpa
+    noise = evidence.pressure_noise_kpa / np.sqrt(evidence.grid.counts)
+    own = np.zeros_like(left)
+    for rows in evidence.rows:
+        mine = left[rows]
+        loud = np.abs(mine) > _STANDS_OUT * noise[rows] + _NOTHING_KPA
+        alike = mine[1:] / np.where(mine[:-1] == 0.0, np.inf, mine[:-1])
+        pairs = loud[1:] & loud[:-1] & (alike > 0.5) & (alike < 2.0)
+        kept = np.append(pairs, False) | np.append(False, pairs)
+        own[rows] = np.where(kept, mine, 0.0)
+    return own
 
 
 class _Fitter:

@@ -181,12 +181,14 @@ def diagnose(
     curves = _curves(candidates, everything, chosen)
     shrunk = None
     if verdict.sets:
-        shrunk = shrink(everything, held, curves, floor, rng)
+        # Slip, drift and softening let repeated trials differ, and are part of the gap.
+        scatter = min(floor, noise_floor(everything, curves["explained"]))
+        shrunk = shrink(everything, held, curves, scatter, rng)
         if verdict.kind == "unknown" and shrunk.fraction_closed < _PART_EXPLAINED:
             verdict, shrunk = replace(verdict, sets=()), None
         else:
             progress("predicting a protocol that took no part")
-            protocol = _without_protocol(candidates, everything, verdict, curves["plain"], floor)
+            protocol = _without_protocol(candidates, everything, verdict, curves["plain"], scatter)
             shrunk = replace(shrunk, protocol=protocol)
 
     explained = bool(verdict.sets)

@@ -14,18 +14,28 @@ Floats = NDArray[np.float64]
 _NEAR_S = 0.4
 
 
-def noise_floor(evidence: Evidence) -> float:
+def noise_floor(evidence: Evidence, explained_deg: Floats | None = None) -> float:
     """RMS by which trials of one experiment deviate from their expected mean, deg.
 
     Scatter in gain, rest angle and pace and the noise of single samples included; pooled over the
     experiments, so one with a single trial borrows it. Where trials drift with their order, the
     differences of successive ones count (von Neumann 1941, doi:10.1214/aoms/1177731677), or the
     drift would hide itself in the floor.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The campaign.
+    explained_deg : (n,) array, optional
+        What an explanation predicts: by how much it lets trials differ is no scatter.
     """
+    values = evidence.grid.angle_deg
+    if explained_deg is not None:
+        values = values - explained_deg
     squares = {"mean": 0.0, "successive": 0.0}
     weights = {"mean": 0.0, "successive": 0.0}
     every = np.ones(len(evidence.grid.trials), dtype=bool)
-    for repeated in repeats(evidence, evidence.grid.angle_deg, every):
+    for repeated in repeats(evidence, values, every):
         angle, weight = repeated.values, repeated.weight
         seen = np.isfinite(angle)
         # Averaging over a step took white noise away; it is given back below.

@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 _MOST = 0.3  # of the trials
 _DRAWS = 2000
 _LEAST_HALF_WIDTH = 0.07  # the floor itself is known from few trials
+_HARDLY = 0.3  # noise floors
 _PIECES = 8  # of a lone held-out trial
 
 
@@ -140,7 +141,8 @@ def _units(evidence: Evidence, where: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _closed(before: Floats, after: Floats, floor_deg: float) -> Floats:
-    gap = np.maximum(before - floor_deg**2, 1e-6)
+    # Hardly a gap has no part that could be told.
+    gap = np.maximum(before - floor_deg**2, (_HARDLY * floor_deg) ** 2 + 1e-6)
     return np.asarray(1.0 - (after - floor_deg**2) / gap)
 
 
