@@ -746,6 +746,18 @@ def test_the_pressure_of_a_setpoint_by_a_model(tmp_path: Path) -> None:
     assert log.columns["cmd_kpa"].max() == pytest.approx(np.radians(30) * 2.0 * 30.0, abs=0.01)
 
 
+def test_a_setpoint_alone_commands_the_reference_and_says_so(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with serving() as served:
+        here = ["--campaign", tmp_path / "arm", "--material", "m", "--experiment", "x"]
+        short = ["--rest", "0.2", "--dwell", "0.4", "--release", "0.2"]
+        assert run("record", served.port, *here, *short, "--setpoint", "30") == 0
+    assert "reference of 30 kPa" in capfd.readouterr().err
+    log = read_spa_rig_log(tmp_path / "arm" / "x" / "trial_01.log")
+    assert log.columns["cmd_kpa"].max() == 30.0
+
+
 def test_ctrl_c_vents_keeps_the_trial_and_says_so(tmp_path: Path) -> None:
     arguments = ["--campaign", str(tmp_path), "--material", "m", "--experiment", "x"]
     arguments += ["--pressure", "20", "--rest", "0.1", "--dwell", "20"]

@@ -102,4 +102,7 @@ def _draw_steps(axes: Axes, inspection: Inspection) -> None:
     axes.axhline(usual_ms, color=GREY, linestyle="-", linewidth=0.8)
     if steps_ms.max() > 10.0 * steps_ms.min() > 0.0:
         axes.set_yscale("log")
+    elif np.ptp(steps_ms) < 0.1 * usual_ms:
+        # What is even should look even.
+        axes.set_ylim(0.9 * usual_ms, 1.1 * usual_ms)
     axes.set_ylabel("step (ms)")

@@ -417,6 +417,14 @@ def _series(options: argparse.Namespace, folder: RecordingFolder, info: BoardInf
     before = folder.profile(options.experiment)
     if options.model is not None and options.setpoint is not None and options.pressure is None:
         options.pressure = [pressure_for(options.setpoint, options.model)]
+    if _needs_pressure(options, before):
+        reference_kpa = float(folder.campaign["input"]["reference_kpa"])
+        options.pressure = [reference_kpa]
+        print(
+            f"note: neither --pressure nor --model for {options.setpoint:g} deg: commands the "
+            f"campaign's reference of {reference_kpa:g} kPa",
+            file=sys.stderr,
+        )
     asked = asked_for(options, before)
     asked["setpoint_deg"] = options.setpoint
     if options.setpoint is None:
@@ -440,6 +448,18 @@ def _series(options: argparse.Namespace, folder: RecordingFolder, info: BoardInf
         options.rest_between,
         options.rate,
         options.started_s,
+    )
+
+
+def _needs_pressure(options: argparse.Namespace, before: Mapping[str, Any] | None) -> bool:
+    """Whether a first step to a setpoint comes without a pressure."""
+    single = options.protocol in (None, "step", "step_release", "hold", "triangle")
+    return (
+        options.setpoint is not None
+        and options.pressure is None
+        and options.profile is None
+        and before is None
+        and single
     )
 
 
