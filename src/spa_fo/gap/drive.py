@@ -29,6 +29,7 @@ _BLUR = 0.5  # of the change of pressure within six cells: when exactly it chang
 _MOST_STEPS = 16
 _TRIED = 4  # starts
 _UNSTEADY = (0.0, 0.35)
+_UNEXPLAINED = 0.05  # of the largest pressure
 _OF_REACH = 0.4  # deviation of a jump that comes anywhere within its reach, of its size
 # A jump that comes late by many cells does not say which way it should move.
 _DELAYS_S = tuple(np.geomspace(0.01, 1.5, 40).tolist())
@@ -81,7 +82,10 @@ def fit_drive(evidence: Evidence, ids: Sequence[str], start: Floats | None = Non
     for unsteady in _UNSTEADY if "dead_time" in ids else (0.0,):
         problem = _Problem(evidence, ids, unsteady)
         fits.append(problem.best() if start is None else problem.fit(start))
-    return max(fits, key=lambda fit: fit.log_evidence)
+    # What passes for unsteadiness must not hide that the rest is not explained either.
+    size = float(np.max(np.abs(fits[0].predicted_kpa)))
+    steady = [f for k, f in enumerate(fits) if k == 0 or f.discrepancy_kpa < _UNEXPLAINED * size]
+    return max(steady, key=lambda fit: fit.log_evidence)
 
 
 def fit_drives(evidence: Evidence, excluded: Sequence[str] = ()) -> dict[tuple[str, ...], DriveFit]:
