@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.evidence import FILM_SLOTS, Evidence, Fixture, curve_columns
-from spa_fo.gap.mixed import Block, Prior, Solution, normal_equations, solve
+from spa_fo.gap.mixed import Block, Prior, Solution
 from spa_fo.gap.search import climb
 from spa_fo.plant.chain import Chain, Seat
 from spa_fo.plant.effects.library import LIBRARY, Parameter, absent
@@ -424,12 +424,6 @@ class AngleProblem:
                 here = fixture.log == log + 1
                 columns[here, log] = change[here]
         return columns
-
-    def at(self, z: Floats, rounds: int = 6) -> Fit:
-        """Take `z` as it is: variances and nuisances alone are estimated."""
-        blocks, y = self.blocks(z)
-        normal = normal_equations(blocks, self.size)
-        return self._result(z, y, solve(normal, self.prior(z), self.scales**2, rounds), blocks)
 
     def _drift_block(self) -> Block:
         evidence = self.evidence
