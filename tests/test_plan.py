@@ -34,7 +34,6 @@ from spa_fo.gap.profiles import (
     Profile,
     family,
     limits_of,
-    read_profile,
     write_profile,
 )
 from spa_fo.gap.remedies import remedies, twins
@@ -44,6 +43,7 @@ from spa_fo.plant.chain import chain_for
 from spa_fo.plant.effects.library import IDS, LIBRARY, absent
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
+from spa_fo.rig.command_profile import read_profile
 
 FLOOR_DEG, FLOOR_KPA = 0.4, 0.5
 CURVE_DEG = np.full(8, 0.15)
@@ -160,32 +160,9 @@ def test_a_profile_comes_back_from_its_file(tmp_path: Path, name: str) -> None:
     assert first.startswith(f"{BANNER}{name}: ")
     assert first.endswith("to tell creep from hysteresis")
     assert header == COLUMNS
-    t, command = read_profile(path)
+    t, command = np.array(read_profile(path).setpoints).T
     np.testing.assert_array_equal(t, profile.sampled()[0])
     np.testing.assert_array_equal(command, profile.sampled()[1])
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "header"),
-        ("t_s,pressure\n0,0\n", "header"),
-        (f"{COLUMNS}\n", "at least one row"),
-        (f"{COLUMNS}\n0,0\n1\n", "line 3"),
-        (f"# x\n{COLUMNS}\n0,0\n0,5\n", "line 4"),
-        (f"{COLUMNS}\n0,nan\n", "line 2"),
-    ],
-)
-def test_a_file_that_is_no_profile_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    path = tmp_path / "next.csv"
-    path.write_text(text)
-    with pytest.raises(BadInput, match=said):
-        read_profile(path)
-
-
-def test_a_missing_profile_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="cannot be read"):
-        read_profile(tmp_path / "none.csv")
 
 
 # --- separations ------------------------------------------------------------------------------
@@ -622,7 +599,7 @@ def test_the_command_writes_a_profile_and_says_why(
     arguments = ["plan", str(campaign), "--diagnosis", str(path), "--out", str(out)]
     assert main([*arguments, "--max-duration", "60", "--max-pressure", "30"]) == 0
     said = capsys.readouterr().out
-    t, command = read_profile(out)
+    t, command = np.array(read_profile(out).setpoints).T
     assert t[-1] <= 60.0
     assert command.max() == 30.0
     assert "hysteresis from stiffening" in said

@@ -96,7 +96,7 @@ def test_changes_within_one_sample_are_one() -> None:
 def test_the_profile_of_a_plan_is_taken_sample_by_sample(tmp_path: Path) -> None:
     chosen = profiles.family(profiles.Limits(40.0, 60.0), ("rich", "staircase", "up-step"))[0]
     profiles.write_profile(tmp_path / "next.csv", chosen, "to tell creep from sensor creep")
-    t, command = profiles.read_profile(tmp_path / "next.csv")
+    t, command = chosen.sampled()
     read = read_profile(tmp_path / "next.csv")
     assert commands(read) == pytest.approx(command)
     assert read.duration_s == pytest.approx(t[-1] + 0.02)

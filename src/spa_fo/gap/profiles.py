@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.atomic import write_text
-from spa_fo.errors import BadInput
 from spa_fo.plant.grid import CampaignGrid
 
 Floats = NDArray[np.float64]
@@ -391,40 +390,3 @@ def write_profile(path: Path | str, profile: Profile, purpose: str) -> None:
     t, command = profile.sampled()
     rows = [f"{a:.2f},{b:.2f}" for a, b in zip(t.tolist(), command.tolist(), strict=True)]
     write_text(path, "\n".join([BANNER + note, COLUMNS, *rows, ""]))
-
-
-def read_profile(path: Path | str) -> tuple[Floats, Floats]:
-    """Read what `write_profile` wrote.
-
-    Returns
-    -------
-    t_s, command_kpa : (n,) arrays
-        Each command is held until the next time.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read or is no profile; the text names the line.
-    """
-    try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(path, f"cannot be read: {error}") from error
-    data = [(n, line) for n, line in enumerate(lines, start=1) if not line.startswith("# ")]
-    if not data or data[0][1].strip() != COLUMNS:
-        raise BadInput(path, f'expected a header "{COLUMNS}"')
-    rows: list[tuple[float, float]] = []
-    for number, line in data[1:]:
-        try:
-            t, command = (float(field) for field in line.split(","))
-        except ValueError:
-            raise BadInput(
-                path, f"expected two numbers, found {line!r}", f"line {number}"
-            ) from None
-        if not (math.isfinite(t) and math.isfinite(command)) or (rows and t <= rows[-1][0]):
-            raise BadInput(path, "expected finite numbers and times that rise", f"line {number}")
-        rows.append((t, command))
-    if not rows:
-        raise BadInput(path, "expected at least one row of samples")
-    table = np.array(rows)
-    return table[:, 0], table[:, 1]
