@@ -257,13 +257,13 @@ def test_the_shrink_stands_beside_refit_ceiling_and_floor() -> None:
     assert found["plain model"] == "2.10"
     assert found["refit only"] == "1.70"
     assert found["with the explanation"] == "0.62"
-    assert found["free-form ceiling (no physics)"] == "0.58"
+    assert found["free-form correction (no physics)"] == "0.58"
     assert found["noise floor"] == "0.50"
 
 
 def test_without_a_ceiling_it_is_not_listed() -> None:
     page = document(diagnosis(shrink=replace(SHRINK, ceiling_rmse_deg=None)))
-    assert "ceiling" not in page
+    assert "free-form correction" not in page
 
 
 def test_where_lists_the_largest_shares_first() -> None:
@@ -389,7 +389,7 @@ def test_the_ladder_has_a_rung_for_everything_that_was_tried() -> None:
         "creep of the material": 0.62,
         "pneumatic lag of the line + slip of the sensor": 0.81,
         "a cause that the library lacks": 0.0,
-        "free-form ceiling": 0.58,
+        "free-form correction": 0.58,
     }
     assert [bar.get_width() for bar in probability.patches] == [0.05, 0.83, 0.1, 0.02]
     assert "0.50°" in error.get_xlabel()

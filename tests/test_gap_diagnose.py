@@ -1,5 +1,6 @@
 """The diagnosis end to end, on small sealed cases of the virtual rig."""
 
+import importlib
 import json
 
 import pytest
@@ -30,7 +31,18 @@ def hysteresis(tmp_path_factory):
         "case_0001", 21, "closed", ("hysteresis",), form="b", sizes=(4.0,), protocol="up_steps"
     )
     folder = written(tmp_path_factory.mktemp("hysteresis"), case)
-    return folder, run(folder, folder / "out")
+    module = importlib.import_module("spa_fo.gap.diagnose")
+    fit_again, part = module._refit, []
+
+    def watched(candidates, evidence, chosen):
+        again = fit_again(candidates, evidence, chosen)
+        part.append((evidence.takes_part, again.fit.searched))
+        return again
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(module, "_refit", watched)
+        document = run(folder, folder / "out")
+    return folder, document, part
 
 
 def check_contract(document):
@@ -46,7 +58,7 @@ def check_contract(document):
 
 
 def test_hysteresis_is_among_the_sets_and_closes_the_gap(hysteresis):
-    _, document = hysteresis
+    _, document, _ = hysteresis
     check_contract(document)
     assert ["hysteresis"] in document["verdict"]["sets"]
     assert document["where"]["stage"]["actuator"] > 0.8
@@ -54,6 +66,19 @@ def test_hysteresis_is_among_the_sets_and_closes_the_gap(hysteresis):
     assert shrink["after_rmse_deg"] < shrink["before_rmse_deg"]
     low, high = shrink["ci95"]
     assert low <= shrink["fraction_closed"] <= high
+
+
+def test_a_protocol_that_is_left_out_takes_no_part_in_the_fit(hysteresis):
+    _, document, part = hysteresis
+    *without, (everything, final) = part
+    assert everything.all()
+    # Found again on fewer trials the same effect comes out a little differently.
+    assert without
+    for took_part, searched in without:
+        assert 0 < took_part.sum() < took_part.size
+        if searched.size == final.size:
+            assert abs(searched - final).max() > 1e-6
+    assert document["shrink"]["protocol"]["set"]
 
 
 def test_every_parameter_has_an_interval_about_it(hysteresis):
@@ -82,12 +107,12 @@ def test_intervals_hold_what_was_put_in(tmp_path, effect, key):
 
 
 def test_same_seed_same_answer(hysteresis):
-    folder, document = hysteresis
+    folder, document, _ = hysteresis
     assert run(folder, folder / "again") == document
 
 
 def test_without_hysteresis_in_the_library_it_is_never_named(hysteresis):
-    folder, _ = hysteresis
+    folder, _, _ = hysteresis
     document = run(folder, folder / "without", exclude=["hysteresis"])
     check_contract(document)
     assert not any("hysteresis" in cause["set"] for cause in document["causes"])

@@ -41,6 +41,15 @@ def test_the_fraction_is_that_of_the_squares_above_the_floor() -> None:
     assert (found.before_rmse_deg, found.after_rmse_deg) == (2.0, 1.0)
 
 
+def test_no_more_than_the_whole_gap_closes_and_the_formula_holds_of_what_is_written() -> None:
+    found = measured({"plain": missing(2, 2, 2), "explained": missing(0.3, 0.3, 0.3)}, 3)
+    before, after, floor = found.before_rmse_deg, found.after_rmse_deg, found.noise_floor_deg
+    assert floor == after
+    assert found.fraction_closed == 1.0
+    assert found.fraction_closed == 1 - (after**2 - floor**2) / (before**2 - floor**2)
+    assert found.ci95[0] < 1.0 < found.ci95[1]
+
+
 def test_trials_that_disagree_widen_the_interval() -> None:
     alike = measured({"plain": missing(2, 2, 2), "explained": missing(1, 1, 1)}, 3)
     apart = measured({"plain": missing(2, 2, 2), "explained": missing(0.6, 0.6, 1.6)}, 3)

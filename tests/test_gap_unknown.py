@@ -18,7 +18,7 @@ def scored(ids, log_evidence, probability=1.0):
 
 def candidates(refit, excluded=("parameter_shift",), own=False, drive=None):
     drives = {} if drive is None else {(): SimpleNamespace(log_evidence=drive)}
-    free = {((), "free"): SimpleNamespace(log_evidence=refit)}
+    free = {((), level): SimpleNamespace(log_evidence=refit) for level in ("shifted", "free")}
     return SimpleNamespace(angles=free, drives=drives, excluded=excluded, own=own)
 
 

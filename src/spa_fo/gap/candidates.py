@@ -39,6 +39,7 @@ _FREED = 8  # so many with the coefficients free
 _PRUNED = 4  # of the best sets, so many lose a member to see whether it was needed
 _SCREENING_STEPS, _GROWING_STEPS = 4, 7
 _PROMISING = 40.0  # nats behind the best after screening
+_UNSEEN_BY_STEPS = np.array([0.12, 0.03, 0.5, 0.5, 0.0])  # as searched: orders, ln a1, a0, K
 _STANDS_OUT, _NOTHING_KPA = 6.0, 0.5  # of a pressure in one trial: deviations of the noise, kPa
 RELEVANT, RELEVANT_PART = 0.35, 0.12
 """An effect that moves the angle by less than this part of the noise floor is none; and one that
@@ -82,6 +83,11 @@ class Candidates:
     excluded: Ids = ()
 
     @property
+    def loose(self) -> str:
+        """Level at which the plain model is identified again."""
+        return "own" if self.own else "free"
+
+    @property
     def drive(self) -> DriveFit | None:
         """The best fit of the pressure."""
         return max(self.drives.values(), key=lambda fit: fit.log_evidence, default=None)
@@ -121,8 +127,11 @@ def consider(
         and not (drives and LIBRARY[name].stage == "drive")
     ]
     base = fitter.fit((), "known")
-    free = fitter.fit((), "free", base.searched)  # what every explanation has to beat
-    level = "free" if own else "near"
+    # What every explanation has to beat.
+    free = fitter.refit("own" if own else "free", base.searched)
+    if not own:
+        fitter.fit((), "shifted", base.searched)
+    level = "own" if own else "near"
     start = free if own else base
     ranked = fitter.singles(singles, level, start.searched)
     if not own:
@@ -155,11 +164,17 @@ def _tolerant(evidence: Evidence, given: Floats, own: bool) -> Evidence:
     chain = angle_chain(evidence, given, pressure)
     fit = AngleProblem(evidence, chain, given, (), "known").fit(to_z(given))
     if own:
-        fit = AngleProblem(evidence, chain, given, (), "free").fit(fit.searched)
+        fit = _identified(AngleProblem(evidence, chain, given, (), "own"), fit.searched)
     deg = grid.angle_deg - fit.predicted_deg
     # A part of each trial's deviation is its own.
     deg = np.sign(deg) * np.maximum(np.abs(deg) - evidence.noise_deg, 0.0)
     return tolerant(evidence, deg, kpa)
+
+
+def _identified(problem: AngleProblem, start: Floats) -> Fit:
+    """Identify the plain model again, from several starts along where up-steps leave it free."""
+    starts = [start[:5] + share * _UNSEEN_BY_STEPS for share in (0.0, -1.0, 1.0)]
+    return best_fit([problem.fit(each) for each in starts])
 
 
 def _known_pressure(evidence: Evidence, drives: dict[Ids, DriveFit]) -> Floats | None:
@@ -240,6 +255,11 @@ class _Fitter:
         self.fits[(ids, level)] = problem.fit(to_z(self.given) if start is None else start[:5])
         return self.fits[(ids, level)]
 
+    def refit(self, level: str, start: Floats) -> Fit:
+        """Fit the plain model alone."""
+        self.fits[((), level)] = _identified(self.problem((), level), start)
+        return self.fits[((), level)]
+
     def singles(self, names: Sequence[str], level: str, base: Floats) -> list[str]:
         """Fit single effects, the promising ones to the end; return them, best first."""
         first = {}
@@ -299,8 +319,9 @@ class _Fitter:
 
     def prune(self, level: str) -> None:
         """Take members out of the best sets: what is left may do as well from where they led it."""
+        fewest = 1 if level == "own" else 2  # near the given model the plain one has no valleys
         ranked = sorted(
-            (fit for (ids, own), fit in self.fits.items() if own == level and len(ids) > 1),
+            (fit for (ids, own), fit in self.fits.items() if own == level and len(ids) >= fewest),
             key=lambda fit: -fit.log_evidence,
         )
         for fit in ranked[:_PRUNED]:

@@ -23,7 +23,7 @@ from spa_fo.gap.diagnosis import (
 )
 from spa_fo.gap.drive import fit_drive
 from spa_fo.gap.evidence import Evidence, angle_chain, collect
-from spa_fo.gap.explain import AngleProblem, to_z
+from spa_fo.gap.explain import AngleProblem
 from spa_fo.gap.explanation import Explanation, augmented_model, simulate
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse, shrink
@@ -48,6 +48,8 @@ _PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing wo
 _PART_EXPLAINED = 0.5  # of the gap, held out: less is nothing explained
 _BY_CHANCE = {"mains_pickup", "sensor_slip"}  # phases and jumps that nobody can foretell
 _AS_REPEATED = 1.15  # noise floors
+_LEAST_SCATTER = 0.1  # of what trials differ by, beside an interference
+_DOUBTED = 1.0 / 3.0  # probability of no gap: a gap is claimed where it is twice as probable
 _WORTH_TESTING = 0.01  # probability from which an explanation's predictions are tried
 _FREE_FORM_DEG = 2.0  # typical size of a correction without physics
 _UNLIKE = ("triangle", "free", "staircase", "hold", "step_release", "step")
@@ -172,7 +174,7 @@ def diagnose(
         f"weighing {len(candidates.angles)} fits of the angle, {len(candidates.drives)} of the "
         "pressure"
     )
-    scored = _tested(weigh(candidates, floor), everything, held, given, floor)
+    scored = _tested(weigh(candidates, floor), candidates, everything, held, floor)
     unknown, stress = unknown_probability(scored, candidates, floor)
     verdict = _verdict(scored, unknown)
 
@@ -181,8 +183,7 @@ def diagnose(
     curves = _curves(candidates, everything, chosen)
     shrunk = None
     if verdict.sets:
-        # Slip, drift and softening let repeated trials differ, and are part of the gap.
-        scatter = min(floor, noise_floor(everything, curves["explained"]))
+        scatter = _scatter(everything, chosen, curves["explained"], floor)
         shrunk = shrink(everything, held, curves, scatter, rng)
         if verdict.kind == "unknown" and shrunk.fraction_closed < _PART_EXPLAINED:
             verdict, shrunk = replace(verdict, sets=()), None
@@ -264,16 +265,21 @@ def _is_own(data: CampaignData, plain: Model, seed: int) -> bool:
 
 
 def _tested(
-    scored: list[Scored], everything: Evidence, held: HeldOut, given: Floats, floor_deg: float
+    scored: list[Scored],
+    candidates: Candidates,
+    everything: Evidence,
+    held: HeldOut,
+    floor_deg: float,
 ) -> list[Scored]:
     """Leave out what does not beat the plain model on trials that took no part.
 
     Where these hardly show the gap, as late trials do not show softening, it is enough to predict
-    them as well as they repeat.
+    them as well as they repeat. A model that was fitted to this campaign has seen them: it is
+    identified again without.
     """
     where = judged(everything, held)
-    nothing = np.full_like(scored[0].explanation.effects(), np.nan)
-    plain, _ = angle_chain(everything, given, None).run(given, nothing)
+    x = candidates.angles[((), "own")].x if candidates.own else candidates.given
+    plain, _ = angle_chain(everything, x, None).run(x, absent())
     errors = {
         s.named: rmse(everything, simulate(s.explanation, everything), where)
         for s in scored
@@ -284,7 +290,7 @@ def _tested(
 
 def _verdict(scored: Sequence[Scored], unknown: float) -> Verdict:
     none = sum(s.probability for s in scored if not s.named)
-    significant = none * (1.0 - unknown) < 0.5
+    significant = none * (1.0 - unknown) < _DOUBTED
     # A Bayes factor against no gap of k is met by chance at most once in k times (Ville 1939).
     prior_odds = 0.3 / 0.7
     factor = (1.0 - none) / max(none, 1e-300) * prior_odds
@@ -335,15 +341,31 @@ def _curves(candidates: Candidates, everything: Evidence, chosen: Explanation) -
     chain = angle_chain(everything, given, None)
     nothing = np.full_like(chosen.effects(), np.nan)
     plain, _ = chain.run(given, nothing)
-    refit = AngleProblem(evidence, chain, given, (), "free").fit(to_z(given))
+    start = candidates.angles[((), candidates.loose)].searched
+    refit = AngleProblem(evidence, chain, given, (), candidates.loose).fit(start)
     loose = replace(evidence, tolerance_deg=_FREE_FORM_DEG)
-    free_form = AngleProblem(loose, chain, given, (), "free").fit(refit.searched)
+    free_form = AngleProblem(loose, chain, given, (), candidates.loose).fit(refit.searched)
     return {
         "plain": plain,
         "refit": refit.predicted_deg,
         "ceiling": free_form.predicted_deg + free_form.discrepancy_deg,
         "explained": simulate(chosen, everything),
     }
+
+
+def _scatter(
+    everything: Evidence, chosen: Explanation, explained_deg: Floats, floor_deg: float
+) -> float:
+    """Noise floor once the explanation is taken out of it, deg.
+
+    Slip, drift and softening let repeated trials differ, and so does an interference, whose phase
+    nobody can foretell: they are part of the gap.
+    """
+    scatter = min(floor_deg, noise_floor(everything, explained_deg))
+    if chosen.pickup is None:
+        return scatter
+    wave = chosen.pickup[1] ** 2 / 2.0
+    return float(np.sqrt(max(scatter**2 - wave, (_LEAST_SCATTER * scatter) ** 2)))
 
 
 def _without_protocol(
@@ -386,8 +408,7 @@ def _without_protocol(
 
 
 def _refit(candidates: Candidates, evidence: Evidence, chosen: Explanation) -> Explanation:
-    """Fit the chosen explanation once more, to all trials."""
-    evidence = replace(candidates.evidence, takes_part=np.ones_like(candidates.evidence.takes_part))
+    """Fit the chosen explanation once more, to the trials of `evidence`."""
     fit = chosen.fit
     pickup_hz = None
     if "mains_pickup" in fit.ids and chosen.pickup is not None:
@@ -452,7 +473,7 @@ def _smallest_bic(candidates: Candidates) -> list[str]:
     n = int(np.count_nonzero(used))
     best: tuple[float, Ids] = (np.inf, ())
     for (ids, level), fit in candidates.angles.items():
-        if len(ids) > 1 or level != "free":
+        if len(ids) > 1 or level != candidates.loose:
             continue
         missed = (evidence.grid.angle_deg - fit.explained_deg)[used]
         square = float(np.average(missed**2, weights=evidence.grid.counts[used]))

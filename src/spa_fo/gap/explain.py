@@ -28,12 +28,17 @@ SCALES = np.array([0.005, 0.2, 0.007, 0.06, 0.4, 1.0])
 COEFFICIENT_SPREAD = {
     "known": np.array([0.003, 0.003, 0.008, 0.005, 0.003]),
     "near": np.array([0.006, 0.006, 0.018, 0.014, 0.008]),
+    "shifted": np.array([0.015, 0.015, 0.08, 0.06, 0.04]),
     "free": np.array([0.12, 0.12, 0.35, 0.3, 0.25]),
+    "own": np.array([0.3, 0.3, 1.0, 1.0, 0.4]),
 }
 """Prior spread of (alpha2, alpha1, ln a1, ln a0, ln K) about the given model.
 
 An effect's form is never quite the true one; near the given model the coefficients may make up
-for that. Free they are those of another specimen, or of a model fitted to this very gap.
+for that. Free they are those of another specimen. Shifted they are of a similar one: under the
+wide prior of a free one, what a small shift explains would not pay for its five parameters. A
+model of its own campaign was fitted to this very gap and to up-steps alone, which leave a1, a0 and
+b0 free to go up and down together.
 """
 
 IN_COVARIANCE = ("sensor_nonlinearity", "sensor_slip", "parameter_shift", "mains_pickup")
@@ -108,7 +113,7 @@ class Fit:
     ----------
     ids : tuple of str
         Its effects.
-    level : {"known", "near", "free"}
+    level : {"known", "near", "shifted", "free", "own"}
         How far the coefficients could move.
     x : (5,) array
         Coefficients.
@@ -196,7 +201,7 @@ class AngleProblem:
         Coefficients of the given model.
     ids : sequence of str
         Effects of the explanation.
-    level : {"known", "near", "free"}
+    level : {"known", "near", "shifted", "free", "own"}
         How far the coefficients may move.
     keep : (n,) bool array, optional
         Averaged samples that take part; those of the evidence by default.

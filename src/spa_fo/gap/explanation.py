@@ -89,10 +89,10 @@ def combined(candidates: Candidates) -> list[Explanation]:
     result: dict[Ids, Explanation] = {}
     for drive in drives:
         for (ids, level), fit in candidates.angles.items():
-            if candidates.own and level != "free":
+            if candidates.own and level != "own":
                 continue
             names = set(ids) | set(drive.ids if drive is not None else ())
-            if level == "free" and not candidates.own:
+            if level in ("shifted", "free") and not candidates.own:
                 if "parameter_shift" in candidates.excluded:
                     continue
                 names.add("parameter_shift")

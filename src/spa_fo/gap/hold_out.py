@@ -104,6 +104,8 @@ def shrink(
         return np.array([squares[unit == i].sum() for i in draw_of])
 
     before, after = by_unit("plain"), by_unit("explained")
+    # What is left bounds what these trials differ by.
+    floor_deg = min(floor_deg, rmse(evidence, curves["explained"], where))
     draws = rng.integers(draw_of.size, size=(_DRAWS, draw_of.size))
     total = weights[draws].sum(axis=1)
     closed = _closed(before[draws].sum(axis=1) / total, after[draws].sum(axis=1) / total, floor_deg)
@@ -141,9 +143,9 @@ def _units(evidence: Evidence, where: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _closed(before: Floats, after: Floats, floor_deg: float) -> Floats:
-    # Hardly a gap has no part that could be told.
+    # Hardly a gap has no part that could be told, and no more than all of it closes.
     gap = np.maximum(before - floor_deg**2, (_HARDLY * floor_deg) ** 2 + 1e-6)
-    return np.asarray(1.0 - (after - floor_deg**2) / gap)
+    return np.asarray(1.0 - np.maximum(after - floor_deg**2, 0.0) / gap)
 
 
 def _squares(evidence: Evidence, predicted_deg: Floats) -> Floats:

@@ -166,7 +166,8 @@ def refit_probability(scored: Sequence[Scored], candidates: Candidates) -> float
     if candidates.own or "parameter_shift" not in candidates.excluded:
         return 0.0
     drive = candidates.drives.get(())
-    evidence = candidates.angles[((), "free")].log_evidence
+    identified = [candidates.angles[((), level)] for level in ("shifted", "free")]
+    evidence = max(fit.log_evidence for fit in identified)
     evidence += drive.log_evidence if drive is not None else 0.0
     refit = TEMPER * evidence + log_prior(("parameter_shift",))
     best = scored[0]

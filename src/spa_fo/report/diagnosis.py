@@ -348,7 +348,7 @@ def _shrink(diagnosis: Diagnosis) -> Iterator[str]:
         ("plain model", shrink.before_rmse_deg),
         ("refit only", shrink.refit_only_rmse_deg),
         ("**with the explanation**", shrink.after_rmse_deg),
-        ("free-form ceiling (no physics)", shrink.ceiling_rmse_deg),
+        ("free-form correction (no physics)", shrink.ceiling_rmse_deg),
         ("noise floor", shrink.noise_floor_deg),
     ]
     yield (

@@ -431,7 +431,7 @@ def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
         rungs.append(_Rung(phrase(cause.set, " + "), error, cause.probability, colour))
     rungs.append(_Rung(phrase(("unknown",)), None, probability_of(causes, "unknown"), GREY))
     if shrink is not None and shrink.ceiling_rmse_deg is not None:
-        rungs.append(_Rung("free-form ceiling", shrink.ceiling_rmse_deg, None, PURPLE))
+        rungs.append(_Rung("free-form correction", shrink.ceiling_rmse_deg, None, PURPLE))
     return rungs
 
 
