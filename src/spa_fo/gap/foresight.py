@@ -324,7 +324,7 @@ class _View:
         return _Rows(
             np.column_stack([slopes, late, curve_columns(y)]),
             np.asarray(self.seconds / (_PIECE_S * floor_deg**2)),
-            np.column_stack([y, np.ones(y.size), pace]) * SCALES[[GAIN, OFFSET, PACE]],
+            np.column_stack([slopes[:, 4], np.ones(y.size), pace]) * SCALES[[GAIN, OFFSET, PACE]],
             trials,
         )
 
