@@ -18,6 +18,13 @@ include: "workflow/rules/publish.smk"
 include: "workflow/rules/blind.smk"
 
 
+localrules:
+    all,
+    blind,
+    blind_seals,
+    blind_unseal,
+
+
 rule all:
     default_target: True
     input:

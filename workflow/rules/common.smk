@@ -52,6 +52,11 @@ def code(name):
     return code_hash(SCRIPTS / name)
 
 
+def growing(amount):
+    """A resource that a job has more of at each further attempt."""
+    return lambda wildcards, attempt: amount * attempt
+
+
 def of_each_material(name):
     return expand(RESULTS / "{material}" / name, material=MATERIALS)
 

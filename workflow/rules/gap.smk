@@ -7,8 +7,13 @@ rule diagnose:
         directory(RESULTS / "{material}" / "diagnosis"),
     log:
         RESULTS / "logs" / "{material}" / "diagnose.log",
+    benchmark:
+        RESULTS / "logs" / "{material}" / "diagnose.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(60),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         seed=CONFIG["seed"],

@@ -11,8 +11,13 @@ rule figures:
         directory(RESULTS / "{material}" / "figures"),
     log:
         RESULTS / "logs" / "{material}" / "figures.log",
+    benchmark:
+        RESULTS / "logs" / "{material}" / "figures.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(10),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         material=lambda wildcards: CONFIG["materials"][wildcards.material],
@@ -37,8 +42,13 @@ rule publish:
         tables=directory(RESULTS / "tables"),
     log:
         RESULTS / "logs" / "publish.log",
+    benchmark:
+        RESULTS / "logs" / "publish.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(10),
     params:
         campaigns=[campaign_of(material) for material in MATERIALS],
         materials=CONFIG["materials"],
