@@ -43,7 +43,7 @@ JobCompLoc={folder}/completed_jobs.txt
 SchedulerType=sched/backfill
 SchedulerParameters=sched_interval=1,batch_sched_delay=0,bf_interval=1
 SelectType=select/cons_tres
-SelectTypeParameters=CR_Core_Memory
+SelectTypeParameters=CR_CPU_Memory
 ReturnToService=2
 MinJobAge=3600
 StateSaveLocation={folder}/state
@@ -83,7 +83,10 @@ def one_node_cluster() -> Iterator[dict[str, str]]:
     # Short, because a socket's path has at most 107 characters.
     folder = Path(tempfile.mkdtemp(prefix="slurm-"))
     folder.chmod(0o755)
-    environment = dict(os.environ) | {"SLURM_CONF": str(folder / "slurm.conf")}
+    environment = dict(os.environ) | {
+        "SLURM_CONF": str(folder / "slurm.conf"),
+        "PATH": f"{_own_srun(folder)}:{os.environ['PATH']}",
+    }
     try:
         with ExitStack() as daemons:
             _start_munge(daemons, folder)
@@ -121,6 +124,15 @@ def _program(name: str) -> str | None:
     return shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin:/sbin")
 
 
+def _own_srun(folder: Path) -> Path:
+    """Make an srun that knows this cluster; Snakemake's jobs take SLURM_CONF out of its way."""
+    script = folder / "bin" / "srun"
+    script.parent.mkdir()
+    script.write_text(f'#!/bin/sh\nSLURM_CONF={folder}/slurm.conf exec {_program("srun")} "$@"\n')
+    script.chmod(0o755)
+    return script.parent
+
+
 def _start_munge(daemons: ExitStack, folder: Path) -> None:
     """Start the daemon by whose word Slurm's programs know each other, with a key of its own."""
     key = folder / "munge.key"
@@ -136,7 +148,9 @@ def _start_munge(daemons: ExitStack, folder: Path) -> None:
 
 def _write_configuration(folder: Path) -> None:
     # "NodeName=... CPUs=... RealMemory=...", what the daemon itself finds in this machine.
-    hardware = subprocess.run([_program("slurmd"), "-C"], capture_output=True, text=True, check=True)
+    hardware = subprocess.run(
+        [_program("slurmd"), "-C"], capture_output=True, text=True, check=True
+    )
     controller_port, node_port = _free_ports(2)
     text = _CONFIGURATION.format(
         folder=folder,
