@@ -13,10 +13,11 @@ FIRMWARE_TOOLS := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev gcc lib
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
   -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce blind real-data test firmware firmware-tools format unlock lock
+.PHONY: help reproduce report blind real-data test firmware firmware-tools format unlock lock
 
 help:
 	@echo "make reproduce   raw logs -> results/ (CORES=$(CORES))"
+	@echo "make report      the results as one HTML file -> results/report.html"
 	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (hours)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
@@ -40,6 +41,11 @@ blind: $(INSTALLED)
 	$(BIN)/snakemake --cores $(CORES) blind
 	$(BIN)/python -m spa_fo.report.blind_document results/blind docs \
 	  --command "snakemake --cores $(CORES) blind"
+
+report: reproduce
+	$(BIN)/snakemake --cores $(CORES) --report results/report.html \
+	  --report-stylesheet workflow/report/report.css
+	@echo "Open results/report.html in a browser"
 
 real-data: $(INSTALLED)
 	$(BIN)/python benchmarks/real_data.py $(DATA)

@@ -9,7 +9,11 @@ min_version("9.0")
 configfile: "config.yaml"
 
 
+report: "workflow/report/workflow.rst"
+
+
 include: "workflow/rules/common.smk"
+include: "workflow/rules/report.smk"
 include: "workflow/rules/raw_to_angle.smk"
 include: "workflow/rules/identify.smk"
 include: "workflow/rules/gap.smk"

@@ -4,7 +4,11 @@ rule diagnose:
         trials=rules.raw_to_angle.output.trials,
         model=rules.identify.output.model,
     output:
-        directory(RESULTS / "{material}" / "diagnosis"),
+        shown(
+            directory(RESULTS / "{material}" / "diagnosis"),
+            "{item}.png",
+            "diagnosis.rst",
+        ),
     log:
         RESULTS / "logs" / "{material}" / "diagnose.log",
     benchmark:
