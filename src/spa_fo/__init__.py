@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from spa_fo.fractional import mittag_leffler, simulate, step_response
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = ["__version__", "mittag_leffler", "simulate", "step_response"]
 
