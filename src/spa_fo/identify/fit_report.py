@@ -7,9 +7,8 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from spa_fo.identify.uncertainty import QUANTITIES, Profile, Uncertainty
+from spa_fo.identify.uncertainty import Uncertainty
 from spa_fo.plant import PARAMETERS
 
 if TYPE_CHECKING:
@@ -108,40 +107,30 @@ def _parameter_lines(result: FitResult) -> list[str]:
 
 
 def _rows(result: FitResult) -> list[list[str]]:
-    values = [*result.optimum.x, result.gain]
     marks = dict(mark.split() for mark in result.optimum.at_bounds)
     assessed = result.uncertainty
     rows = []
-    for i, (name, value) in enumerate(zip(QUANTITIES, values, strict=True)):
+    for i, estimate in enumerate(result.estimates):
+        name = estimate.name
+        value, _, error = estimate.text().partition(" ± ")
         at_bound = f"at {marks[name]} bound" if name in marks else ""
         note = at_bound or _UNITS.get(name, "")
         if assessed is None:
-            rows.append([name, f"{value:.4f}", _error(result.log_errors, i), "", "", "", note])
+            rows.append([name, value, f"± {error}" if error else "", "", "", "", note])
             continue
         profile, b = assessed.profiles[i], assessed.bootstrap
         rows.append(
             [
                 name,
-                f"{value:.4f}",
-                _error(assessed.covariance.standard_error, i),
-                _interval(profile),
+                value,
+                f"± {error}" if error else "",
+                estimate.interval_text(),
                 "" if b is None else f"{b.low[i]:.3g} .. {b.high[i]:.3g}",
                 "yes" if profile.determined else "no",
                 note,
             ]
         )
     return rows
-
-
-def _error(errors: NDArray[np.float64] | None, i: int) -> str:
-    return "" if errors is None or np.isnan(errors[i]) else f"± {errors[i]:.2g}"
-
-
-def _interval(profile: Profile) -> str:
-    """Write an interval; an open end is marked, since there the bound ended it."""
-    low = f"(open) {profile.low_95:.3g}" if profile.open_low else f"{profile.low_95:.3g}"
-    high = f"{profile.high_95:.3g} (open)" if profile.open_high else f"{profile.high_95:.3g}"
-    return f"{low} .. {high}"
 
 
 def _error_lines(result: FitResult) -> list[str]:
