@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the process's exit code is returned, or raised as SystemExit."""
-    options = _parser().parse_args(arguments)
+    options = command_line().parse_args(arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal of another encoding shows a question mark for χ; it is no reason to fail.
         sys.stdout.reconfigure(errors="replace")
@@ -37,7 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """Declare every command."""
     parser = argparse.ArgumentParser(
         prog="spa-fo",
         description="Fractional-order models of soft pneumatic actuators, from raw serial logs.",
