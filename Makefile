@@ -10,10 +10,12 @@ INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
 PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
 FIRMWARE_TOOLS := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev gcc libc6-dev
+SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
   -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce report blind real-data test firmware firmware-tools format unlock lock
+.PHONY: help reproduce report blind real-data test firmware firmware-tools \
+  slurm-tools scale references release format unlock lock
 
 help:
 	@echo "make reproduce   raw logs -> results/ (CORES=$(CORES))"
@@ -23,6 +25,10 @@ help:
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
 	@echo "make firmware    build the board's program, and a simulated board to run it on"
 	@echo "make firmware-tools   install what that needs (Debian, as root)"
+	@echo "make slurm-tools      install a Slurm to try the cluster's profile on (Debian, as root)"
+	@echo "make scale       cost against size, measured -> docs/scale.md (hours, on a quiet machine)"
+	@echo "make references  CITATION.cff -> docs/references.md"
+	@echo "make release     source archive and wheel -> dist/"
 	@echo "make format      format Python and Snakemake files"
 	@echo "make unlock      after a killed run: release Snakemake's lock"
 	@echo "make lock        resolve the dependencies anew into requirements.lock"
@@ -63,9 +69,26 @@ firmware:
 	$(MAKE) -C firmware all sim
 
 # Quiet, and quick to give up where there is no network.
+define debian
+@dpkg-query --show $(1) >/dev/null 2>&1 || { \
+  $(APT) update && $(APT) install --yes --no-install-recommends $(1); } >/dev/null
+endef
+
 firmware-tools:
-	@dpkg-query --show $(FIRMWARE_TOOLS) >/dev/null 2>&1 || { \
-	  $(APT) update && $(APT) install --yes --no-install-recommends $(FIRMWARE_TOOLS); } >/dev/null
+	$(call debian,$(FIRMWARE_TOOLS))
+
+slurm-tools:
+	$(call debian,$(SLURM_TOOLS))
+
+scale: $(INSTALLED)
+	$(BIN)/python benchmarks/bench_scale.py docs --command "make scale"
+
+references: $(INSTALLED)
+	$(BIN)/python -m spa_fo.report.references CITATION.cff docs/references.md
+
+release: $(INSTALLED)
+	rm -rf dist
+	$(BIN)/python -m hatchling build -d dist
 
 format: $(INSTALLED)
 	$(BIN)/ruff check --fix .
