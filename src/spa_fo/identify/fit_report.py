@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -22,7 +21,7 @@ _WIDTH = 96
 
 def fit_report(result: FitResult) -> str:
     """Return the report as text for one screen."""
-    lines = [*_head(result), "", *_parameter_lines(result), "", *_error_lines(result)]
+    lines = [*head_lines(result), "", *_parameter_lines(result), "", *error_lines(result)]
     strong = strong_correlations(result.uncertainty) if result.uncertainty else []
     if strong:
         pairs = [f"{a} {b} {value:+.4f}" for a, b, value in strong]
@@ -43,25 +42,11 @@ def strong_correlations(assessed: Uncertainty) -> list[tuple[str, str, float]]:
     return sorted(pairs, key=lambda pair: -abs(pair[2]))
 
 
-def fit_report_html(result: FitResult) -> str:
-    """Return the report for a notebook."""
-    rows = "".join(
-        f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>"
-        for row in _rows(result)
-    )
-    heads = "".join(f"<th>{html.escape(cell)}</th>" for cell in _COLUMNS)
-    notes = "".join(f"<li>{html.escape(text)}</li>" for text in result.warnings)
-    facts = "<br>".join(html.escape(line) for line in [*_head(result), *_error_lines(result)])
-    return (
-        f"<p>{facts}</p><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
-        f"<ul>{notes}</ul>"
-    )
-
-
 _COLUMNS = ("parameter", "value", "± error", "95 % profile", "95 % bootstrap", "determined", "")
 
 
-def _head(result: FitResult) -> list[str]:
+def head_lines(result: FitResult) -> list[str]:
+    """Say what was fitted to what, and how good the search was, a line each."""
     model, optimum = result.model, result.optimum
     kind = result.provenance
     lines = [
@@ -133,7 +118,8 @@ def _rows(result: FitResult) -> list[list[str]]:
     return rows
 
 
-def _error_lines(result: FitResult) -> list[str]:
+def error_lines(result: FitResult) -> list[str]:
+    """Say how well the model meets each experiment, a line each."""
     return [
         f"{error.experiment}: {error.rms_deg:.2f}° ({error.percent:.2f} %) "
         + (

@@ -116,11 +116,6 @@ class FitResult:
 
         return fit_report(self)
 
-    def _repr_html_(self) -> str:
-        from spa_fo.identify.fit_report import fit_report_html
-
-        return fit_report_html(self)
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; NaN and infinity become None."""
         document = {
