@@ -14,12 +14,14 @@ SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
   -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce report blind real-data test firmware firmware-tools \
+.PHONY: help reproduce report docs audit blind real-data test firmware firmware-tools browser \
   slurm-tools scale references release format unlock lock
 
 help:
 	@echo "make reproduce   raw logs -> results/ (CORES=$(CORES))"
 	@echo "make report      the results as one HTML file -> results/report.html"
+	@echo "make docs        the documentation site -> build/site/"
+	@echo "make audit       the audit of the paper -> docs/audit.md"
 	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (hours)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
@@ -29,6 +31,7 @@ help:
 	@echo "make scale       cost against size, measured -> docs/scale.md (hours, on a quiet machine)"
 	@echo "make references  CITATION.cff -> docs/references.md"
 	@echo "make release     source archive and wheel -> dist/"
+	@echo "make browser     install what tests look at pages with (Debian, as root)"
 	@echo "make format      format Python and Snakemake files"
 	@echo "make unlock      after a killed run: release Snakemake's lock"
 	@echo "make lock        resolve the dependencies anew into requirements.lock"
@@ -52,6 +55,13 @@ report: reproduce
 	$(BIN)/snakemake --cores $(CORES) --report results/report.html \
 	  --report-stylesheet workflow/report/report.css
 	@echo "Open results/report.html in a browser"
+
+audit: reproduce
+	$(BIN)/python -m spa_fo.report.audit_document results docs
+
+docs: $(INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@echo "Open build/site/index.html in a browser"
 
 real-data: $(INSTALLED)
 	$(BIN)/python benchmarks/real_data.py $(DATA)
@@ -89,6 +99,10 @@ references: $(INSTALLED)
 release: $(INSTALLED)
 	rm -rf dist
 	$(BIN)/python -m hatchling build -d dist
+
+browser:
+	@dpkg-query --show chromium >/dev/null 2>&1 || { \
+	  $(APT) update && $(APT) install --yes --no-install-recommends chromium; } >/dev/null
 
 format: $(INSTALLED)
 	$(BIN)/ruff check --fix .

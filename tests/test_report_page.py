@@ -51,7 +51,8 @@ def shown(report: Path) -> dict[str, Any]:
 
 
 def value_of(name: str, report: Path) -> Any:
-    match = re.search(rf"^\s*var {name} = (.*);$", report.read_text(), re.MULTILINE)
+    """A variable that the report's page begins with."""
+    match = re.search(rf"<script id=[^>]+>\s*var {name} = (.*);$", report.read_text(), re.MULTILINE)
     assert match
     return json.loads(match[1])
 
