@@ -50,9 +50,9 @@ def command_reference() -> str:
     """Write every command's help as one page."""
     parts = [
         "# Commands",
-        "As each command's `--help` says; made of it when these pages are built. Every command leaves "
-        "with 0 when done and with 2 on bad input, after one line on stderr that names the file, the "
-        "line or key, and what was expected.",
+        "As each command's `--help` says; made of it when these pages are built. Every command "
+        "leaves with 0 when done and with 2 on bad input, after one line on stderr that names the "
+        "file, the line or key, and what was expected.",
     ]
     os.environ["COLUMNS"] = "100"  # argparse fits its help to the terminal
     for parser in _parsers(command_line()):

@@ -53,7 +53,7 @@ class Page:
 
     def settle(self) -> None:
         """Wait until what was begun has been drawn."""
-        self.run("new Promise(done => setTimeout(() => requestAnimationFrame(done), 150))")
+        self.run("new Promise(done => setTimeout(() => requestAnimationFrame(done), 60))")
 
     def run(self, script: str) -> Any:
         """Evaluate an expression in the page and return its value."""

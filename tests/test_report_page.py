@@ -8,7 +8,6 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import pytest
 from PIL import Image
 
 from browser import CHROMIUM, DESKTOP, PHONE, Page, address, browser
+from pages import Addresses, words
 from reduced_workflow import REDUCED, ROOT, snakemake
 from spa_fo.validation import load_yaml
 
@@ -57,37 +57,13 @@ def value_of(name: str, report: Path) -> Any:
     return json.loads(match[1])
 
 
-def words(html: str) -> str:
-    return re.sub(r"<[^>]+>", " ", html)
-
-
-class Loaded(HTMLParser):
-    """Addresses that a browser would load by itself."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.addresses: list[str] = []
-        self.feed(html)
-        self.addresses += re.findall(r"@import\s+['\"]?([^'\";]+)", self.styles(html))
-        self.addresses += re.findall(r"url\(['\"]?([^'\")]+)", self.styles(html))
-
-    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        for name, value in attributes:
-            if (name in ("src", "srcset", "data") or (tag, name) == ("link", "href")) and value:
-                self.addresses.append(value)
-
-    @staticmethod
-    def styles(html: str) -> str:
-        return "".join(re.findall(r"<style>(.*?)</style>", html, re.DOTALL))
-
-
 def test_the_report_loads_nothing_but_itself(report: Path, shown: dict[str, Any]) -> None:
     pages = [report.read_text()]
     for result in shown.values():
         if result["mime_type"] == "text/html":
             pages.append(base64.b64decode(result["data_uri"].split("base64,")[1]).decode())
     assert len(pages) > 1
-    loaded = [address for page in pages for address in Loaded(page).addresses]
+    loaded = [address for page in pages for address in Addresses(page).loaded]
     assert [address for address in loaded if not address.startswith("data:")] == []
 
 

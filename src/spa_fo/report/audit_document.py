@@ -17,9 +17,9 @@ _HEAD = """\
 # Audit of the paper
 
 Yang and Tomizuka's paper ([{arxiv}]({address})) held against itself and against what is computed
-here, statement by statement. Lines on the paper's own numbers follow from what it prints; those that
-speak of particles, seeds or a Fisher matrix come from this run's identification on stand-in data, as
-the paper's measurements were never published. Everything in the table is computed
+here, statement by statement. Lines on the paper's own numbers follow from what it prints; those
+that speak of particles, seeds or a Fisher matrix come from this run's identification on stand-in
+data, as the paper's measurements were never published. Everything in the table is computed
 (`src/spa_fo/report/audit.py`); `make audit` writes this page again, and `make reproduce` the table
 alone, in `results/tables/`."""
 
