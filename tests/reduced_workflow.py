@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import subprocess
 import sys
@@ -38,3 +39,12 @@ def snakemake(
 
 def configure(folder: Path, **changes: Any) -> None:
     (folder / "config.yaml").write_text(yaml.safe_dump(REDUCED | changes))
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """Hash every result but the logs of the run."""
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and "logs" not in path.parts and not path.name.startswith(".snakemake")
+    }

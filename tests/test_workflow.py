@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -14,21 +13,12 @@ from pathlib import Path
 import pytest
 
 import campaigns
-from reduced_workflow import REDUCED, SNAKEMAKE, configure, snakemake
+from reduced_workflow import REDUCED, SNAKEMAKE, configure, digests, snakemake
 from spa_fo.atomic import TEMPORARY
 
 ROOT = Path(__file__).resolve().parent.parent
 
 pytestmark = pytest.mark.workflow
-
-
-def digests(folder: Path) -> dict[str, str]:
-    """Hash every result but the logs of the run."""
-    return {
-        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and "logs" not in path.parts and not path.name.startswith(".snakemake")
-    }
 
 
 def jobs(run: subprocess.CompletedProcess[str]) -> set[str]:
