@@ -19,6 +19,7 @@ import platformdirs
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
+_NO_KERNELS = ("api", "export", "report", "rig", "cli.py", "export_cli.py", "rig_cli.py")
 
 
 def _kernel_hash() -> str:
@@ -30,7 +31,7 @@ def _kernel_hash() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     digest.update(llvmlite.binding.get_host_cpu_name().encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
-        if path.parts[len(_PACKAGE.parts)] not in ("report", "rig", "cli.py"):
+        if path.parts[len(_PACKAGE.parts)] not in _NO_KERNELS:
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 

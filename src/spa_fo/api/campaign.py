@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 _COLUMNS = (
     "experiment",
     "protocol",
-    "setpoint (°)",
+    "setpoint",
     "trials",
     "samples",
-    "longest (s)",
-    "command to (kPa)",
-    "angle to (°)",
+    "longest",
+    "command to",
+    "angle to",
 )
 
 
@@ -197,12 +197,12 @@ class Campaign:
                 [
                     experiment.name,
                     experiment.protocol,
-                    "" if setpoint is None else f"{setpoint:g}",
+                    "" if setpoint is None else f"{setpoint:g}°",
                     f"{len(trials)}",
                     f"{sum(trial.t_s.size for trial in trials)}",
-                    f"{max(float(trial.t_s[-1]) for trial in trials):.1f}",
-                    f"{max(float(c.max()) for c in commands):.1f}" if commands else "",
-                    f"{max(float(trial.angle_deg.max()) for trial in trials):.1f}",
+                    f"{max(float(trial.t_s[-1]) for trial in trials):.1f} s",
+                    f"{max(float(c.max()) for c in commands):.1f} kPa" if commands else "",
+                    f"{max(float(trial.angle_deg.max()) for trial in trials):.1f}°",
                 ]
             )
         return rows

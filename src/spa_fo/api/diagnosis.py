@@ -226,16 +226,18 @@ class Diagnosis:
 
 def _parameters_text(parameters: Mapping[str, Mapping[str, Any]]) -> str:
     from spa_fo.plant.estimates import rounded
+    from spa_fo.report.effect_words import parameter_words
 
     words = []
-    for values in parameters.values():
-        for name, entry in values.items():
+    for effect, values in parameters.items():
+        for parameter, entry in values.items():
+            name, unit = parameter_words(effect, parameter)
             interval = entry.get("ci95")
             if interval is None:
-                words.append(f"{name} {rounded(entry['value'])}")
+                words.append(f"{name} {rounded(entry['value'])} {unit}".strip())
                 continue
             half = 0.5 * (interval[1] - interval[0])
             value = rounded(entry["value"], half)
             low, high = (rounded(end, half) for end in interval)
-            words.append(f"{name} {value} ({low} .. {high})")
+            words.append(f"{name} {value} ({low} .. {high}) {unit}".strip())
     return ", ".join(words)

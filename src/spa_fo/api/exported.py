@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from spa_fo.api.show import card
+from spa_fo.api.show import COLUMNS, card, estimate_rows
 from spa_fo.errors import BadInput
 from spa_fo.export import Accuracy, DiscreteFilter, Exported, FilterAccuracy, Rational
 from spa_fo.export.exported import file_suffix, provenance_text, write_export
@@ -108,9 +108,19 @@ class ExportedModel:
         )
 
     def __str__(self) -> str:
-        first, *rest = self.made.statement()
-        return "\n".join([first, *rest[:3], self._filter_line(), *rest[3:]])
+        made = self.made
+        return "\n".join(
+            [made.title(), *made.description(), self._filter_line(), *made.uncertainty()]
+        )
 
     def _repr_html_(self) -> str:
-        first, *rest = self.made.statement()
-        return card(first, [*rest[:3], self._filter_line(), *rest[3:]])
+        made, model = self.made, self.made.model
+        kind = made.estimates[0].kind
+        lines = [*made.description(), self._filter_line()]
+        return card(
+            f"{model.material}, campaign {model.campaign}: approximated for other tools",
+            [*lines, f"The model itself ({kind}):"] if kind else lines,
+            COLUMNS,
+            estimate_rows(made.estimates) if kind else (),
+            muted=provenance_text(model),
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,6 +31,7 @@ def marked(figure: Figure, provenance: str) -> Figure:
     from spa_fo.report.style import mark_provenance
 
     mark_provenance(figure, provenance)
+    _let_notebooks_draw()
     return figure
 
 
@@ -37,3 +39,13 @@ def stem_of(path: Path | str) -> Path:
     """Return a path without .png or .pdf, since both are written."""
     path = Path(path)
     return path.with_suffix("") if path.suffix in (".png", ".pdf") else path
+
+
+def _let_notebooks_draw() -> None:
+    """Tell IPython how to show a figure that pyplot does not know of."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    if shell is not None:
+        from IPython.core.pylabtools import select_figure_formats
+
+        select_figure_formats(shell, {"png"})

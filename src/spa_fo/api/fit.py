@@ -85,9 +85,10 @@ class FitResult:
 
     def _repr_html_(self) -> str:
         kind = self.result.estimates[0].kind or "a single log: its errors cannot be told"
+        _, *head = "   ".join(head_lines(self.result)).split("   ")  # the first names the campaign
         return card(
             f"Fit of {self.campaign.material}: {self.campaign.name}",
-            [*head_lines(self.result), *error_lines(self.result), kind],
+            [" · ".join(head), *error_lines(self.result), kind],
             COLUMNS,
             estimate_rows(self.result.estimates),
             self.warnings,

@@ -15,7 +15,7 @@ _FRAME = (
     "overflow-x:auto;font-family:system-ui,sans-serif;font-size:14px;line-height:1.45"
 )
 _MUTED = "opacity:.72;font-size:90%"
-_CELL = "text-align:left;padding:.15em .9em .15em 0;white-space:nowrap"
+_CELL = "text-align:left;vertical-align:top;padding:.15em .9em .15em 0"
 _LINE = "border-top:1px solid rgba(128,128,128,.35)"
 
 _SYMBOLS = {"alpha2": "α₂", "alpha1": "α₁", "a1": "a₁", "a0": "a₀", "b0": "b₀", "K": "K = b₀/a₀"}

@@ -87,8 +87,21 @@ class Exported:
     estimates: tuple[Estimate, ...] = field(default=())
 
     def statement(self) -> tuple[str, ...]:
-        """Say what this is, how good, and what it lacks, a line each."""
-        return tuple(_statement(self))
+        """Say what this is, how good, what it lacks, and how uncertain; a line each."""
+        return (self.title(), *self.description(), *self.uncertainty())
+
+    def title(self) -> str:
+        """Name the actuator, its campaign and the provenance of its data."""
+        model = self.model
+        return f"{model.material}, campaign {model.campaign} ({provenance_text(model)})"
+
+    def description(self) -> tuple[str, ...]:
+        """Say what the approximation is, how good, and what it lacks."""
+        return tuple(_description(self))
+
+    def uncertainty(self) -> tuple[str, ...]:
+        """Say how well the model's own parameters are known; empty where nothing is."""
+        return tuple(uncertainty_lines(self.estimates))
 
     def input_text(self) -> str:
         """Say what goes in and what comes out."""
@@ -163,11 +176,10 @@ def provenance_text(model: Model) -> str:
     return "; ".join(str(word) for word in words if word)
 
 
-def _statement(made: Exported) -> list[str]:
-    model, approximation, part = made.model, made.approximation, made.part
-    g, band = model.transfer_function, approximation.band
+def _description(made: Exported) -> list[str]:
+    approximation, part = made.approximation, made.part
+    g, band = made.model.transfer_function, approximation.band
     lines = [
-        f"{model.material}, campaign {model.campaign} ({provenance_text(model)})",
         f"G(s) = {g.b0:.6g} / (s^{g.alpha2:.6g} + {g.a1:.6g} s^{g.alpha1:.6g} + {g.a0:.6g}); "
         f"{made.input_text()}",
         f"{_method_text(approximation)}, for {band.low:.3g} to {band.high:.3g} rad/s",
@@ -187,7 +199,7 @@ def _statement(made: Exported) -> list[str]:
             f"not of the actuator, so not included: {', '.join(part.not_of_the_actuator)}; the "
             "output is the true angle"
         )
-    return [*lines, *uncertainty_lines(made.estimates)]
+    return lines
 
 
 def _method_text(approximation: Approximation) -> str:

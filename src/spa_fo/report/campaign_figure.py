@@ -40,7 +40,7 @@ def campaign_figure(data: CampaignData) -> Figure:
     figure = new_figure(TWO_COLUMNS_IN, 0.4 + 1.9 * len(mosaic), mosaic)
     for axes, experiment in zip(list(figure.axes), experiments, strict=True):
         trials = [trial for trial in data.trials if trial.experiment == experiment.name]
-        shades = np.linspace(0.35, 1.0, len(trials))
+        shades = np.linspace(1.0, 0.35, len(trials))[::-1]
         for trial, shade in zip(trials, shades, strict=True):
             axes.plot(
                 trial.t_s,

@@ -68,7 +68,7 @@ def export_figure(exported: Exported) -> Figure:
         below.set_ylim(-limit, limit)
     for name in ("magnitude", "phase"):
         for either in (axes[name], axes[f"{name} error"]):
-            either.axvspan(band.low, band.high, color=SKY, alpha=0.15, linewidth=0)
+            either.axvspan(band.low, band.high, color=SKY, alpha=0.15, linewidth=0, label="band")
     first = sampled.sample_time_s
     axes["step error"].axvline(first, color=GREY, linestyle=":", linewidth=0.8)
     axes["step error"].annotate(
@@ -89,13 +89,13 @@ def export_figure(exported: Exported) -> Figure:
     axes["magnitude error"].set_title(f"error (dB), at most {accuracy.max_db:.2g}", loc="left")
     axes["phase error"].set_title(f"error (°), at most {accuracy.max_deg:.2g}", loc="left")
     axes["step error"].set_title(
-        f"error (% of steady state), at most {accuracy.max_step_percent:.2g}", loc="left"
+        f"error (% of gain), at most {accuracy.max_step_percent:.2g}", loc="left"
     )
     for name in ("magnitude", "phase"):
-        axes[f"{name} error"].set_xlabel("angular frequency (rad/s), the band shaded")
+        axes[f"{name} error"].set_xlabel("frequency (rad/s)")
     axes["step error"].set_xlabel("time after the step (s)")
     handles, labels = axes["magnitude"].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    figure.legend(handles, labels, loc="outside upper center", ncols=3)
     return figure
 
 
