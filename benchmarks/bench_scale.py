@@ -351,8 +351,8 @@ def slurm_words(runs: Sequence[Run], reason: str) -> str:
     beside = f" On the machine alone it is {local[0].overhead_s:.1f} s." if local else ""
     return (
         f"A study of {single.campaigns} campaigns on a Slurm of this one machine. With a job a "
-        f"step it is {single.slurm_jobs} Slurm jobs, and a step takes {single.overhead_s:.1f} s of a "
-        f"processor besides itself; *{best.how}* makes that {best.slurm_jobs} jobs and "
+        f"step it is {single.slurm_jobs} Slurm jobs, and a step takes {single.overhead_s:.1f} s of "
+        f"a processor besides itself; *{best.how}* makes that {best.slurm_jobs} jobs and "
         f"{best.overhead_s:.1f} s.{beside} What grouping spares is a turn in the queue and one of "
         "two starts of Snakemake a step; the other remains, as the executor runs each step of a "
         "group by a Snakemake of its own. On a real cluster a turn in the queue takes longer than "
