@@ -62,12 +62,21 @@ class Rational:
     @property
     def leading_gain(self) -> float:
         """Factor of Π(s − z) / Π(s − p), as zero-pole forms elsewhere want it."""
-        return float(np.real(self.gain * np.prod(-self.poles) / np.prod(-self.zeros)))
+        poles = np.sort(np.abs(self.poles))
+        count = self.zeros.size
+        return float(
+            self.gain * np.prod(poles[:count] / np.sort(-self.zeros)) * np.prod(poles[count:])
+        )
 
     def response(self, omega: ArrayLike) -> Complexes:
         """Frequency response at `omega` (rad/s), same shape."""
         s = 1j * np.atleast_1d(np.asarray(omega, dtype=np.float64))[:, np.newaxis]
-        value = np.prod(1.0 - s / self.zeros, axis=1) / np.prod(1.0 - s / self.poles, axis=1)
+        # Zero by pole of about its size: the products alone would overflow.
+        zeros = np.sort(self.zeros)[::-1]
+        poles = self.poles[np.argsort(np.abs(self.poles), kind="stable")]
+        count = zeros.size
+        value = np.prod((1.0 - s / zeros) / (1.0 - s / poles[:count]), axis=1)
+        value /= np.prod(1.0 - s / poles[count:], axis=1)
         return np.asarray(self.gain * value).reshape(np.shape(omega))
 
     def followed_by(self, time_constants: Sequence[float]) -> Rational:
@@ -128,9 +137,11 @@ def paired(zeros: Floats, poles: Complexes) -> list[tuple[Floats, Complexes]]:
     list of (zeros, poles)
         Of each section, in the order of the poles; pairs complete.
     """
-    room = np.where(poles.imag > 0.0, 2, 1)
+    complex_ones = poles.imag > 0.0
+    room = np.where(complex_ones, 2, 1)
     missing = int(room.sum()) - zeros.size
-    damping = np.where(poles.imag > 0.0, np.abs(poles.real) / np.abs(poles), 2.0)
+    damping = np.full(poles.size, 2.0)
+    damping[complex_ones] = np.abs(poles.real[complex_ones]) / np.abs(poles[complex_ones])
     for i in [int(np.argmin(damping)), *range(poles.size - 1, -1, -1)]:
         taken = min(missing, int(room[i]))
         room[i] -= taken

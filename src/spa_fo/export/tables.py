@@ -42,7 +42,7 @@ def oustaloup_json(made: Exported) -> str:
         },
         "errors": made.accuracy.to_dict(),
     }
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+    return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def _operator(name: str, operator: Operator, band: Band) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def filter_csv(made: Exported) -> str:
         f"reference_kpa = {made.model.reference_kpa!r}",
         f"sample_time_s = {filtered.sample_time_s!r}",
         f"delay_samples = {filtered.delay_samples}",
-        "python: sos = numpy.loadtxt(FILE, delimiter=',', skiprows=SKIP)[:, 1:]; "
+        "python: sos = numpy.loadtxt(FILE, delimiter=',', skiprows=SKIP, usecols=range(1, 7)); "
         "angle = scipy.signal.sosfilt(sos, u)",
         "board, each section in turn: y = b0*x + s1; s1 = b1*x - a1*y + s2; s2 = b2*x - a2*y; "
         "x of the next is y; s1 = s2 = 0 at rest",

@@ -97,7 +97,8 @@ def plus_minus(value: float, error: float) -> str:
     doi:10.1103/PhysRevD.110.030001).
     """
     decimals = _decimals(error)
-    return f"{_fixed(value, decimals)} ± {_fixed(error, decimals)}"
+    upwards = error * (1.0 + 1e-9)  # 0.95 is a little less in binary
+    return f"{_fixed(value, decimals)} ± {_fixed(upwards, decimals)}"
 
 
 def rounded(value: float, error: float | None = None) -> str:
