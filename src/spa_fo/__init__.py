@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from spa_fo.api import Campaign, Diagnosis, FitResult, Model
     from spa_fo.fractional import mittag_leffler, simulate, step_response
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "BadInput",
