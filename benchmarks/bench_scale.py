@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 import yaml
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from tabulate import tabulate
 
 from spa_fo.atomic import replacing, write_text
@@ -79,6 +80,9 @@ class Run:
         Jobs that were submitted; 0 without Slurm.
     wall_s : float
         From start to end.
+    held_s : float
+        Processor time that the study held: all processors all the time on this machine, with Slurm
+        those of each job while it ran.
     inside_s : float
         Time within the steps' own processes, summed.
     """
@@ -89,12 +93,13 @@ class Run:
     steps: int
     slurm_jobs: int
     wall_s: float
+    held_s: float
     inside_s: float
 
     @property
     def overhead_s(self) -> float:
-        """Processor time a step that is spent outside it: starts, polls, waiting for the last."""
-        return (self.wall_s * self.processors - self.inside_s) / self.steps
+        """Processor time that a step holds besides its own: starts, and waiting for the last."""
+        return (self.held_s - self.inside_s) / self.steps
 
 
 @dataclass(frozen=True)
@@ -164,7 +169,7 @@ def local_run(folder: Path, campaigns: int, processors: int) -> tuple[Run, list[
     wall = time.perf_counter() - start
     steps = measured_steps(folder, campaigns, said)
     inside = sum(step.seconds for step in steps)
-    return Run(LOCAL, campaigns, processors, len(steps), 0, wall, inside), steps
+    return Run(LOCAL, campaigns, processors, len(steps), 0, wall, wall * processors, inside), steps
 
 
 def slurm_run(folder: Path, campaigns: int, grouped: int) -> Run:
@@ -184,15 +189,19 @@ def slurm_run(folder: Path, campaigns: int, grouped: int) -> Run:
         said = snakemake(folder, "--profile", str(folder / "profile"), environment=environment)
         wall = time.perf_counter() - start
         submitted = jobs(environment)
-    steps = sorted((folder / "results" / "logs").rglob("*.tsv"))
-    inside = sum(
-        float(next(csv.DictReader(path.open(encoding="ascii"), delimiter="\t"))["s"])
-        for path in steps
-    )
-    how = f"Slurm, {grouped} campaigns a job" if grouped else SINGLE
+    steps = measured_steps(folder, campaigns, said)
+    inside = sum(step.seconds for step in steps)
+    held = sum(seconds(job["RunTime"]) * int(job["NumCPUs"]) for job in submitted)
+    how = f"Slurm, {grouped} campaign{'s' * (grouped > 1)} a job" if grouped else SINGLE
     processors = os.cpu_count() or 1
-    assert said
-    return Run(how, campaigns, processors, len(steps), len(submitted), wall, inside)
+    return Run(how, campaigns, processors, len(steps), len(submitted), wall, held, inside)
+
+
+def seconds(duration: str) -> int:
+    """Slurm's ``[days-]hours:minutes:seconds``."""
+    days, _, clock = duration.rpartition("-")
+    hours, minutes, rest = map(int, clock.split(":"))
+    return ((int(days or 0) * 24 + hours) * 60 + minutes) * 60 + rest
 
 
 def bootstraps(counts: Sequence[int], processors: Sequence[int]) -> list[tuple[int, int, float]]:
@@ -232,29 +241,22 @@ def cost_figure(runs: Sequence[Run]) -> Figure:
         sizes = np.array([run.campaigns for run in chosen], dtype=float)
         minutes = np.array([run.wall_s for run in chosen]) / 60
         label = f"{processors} processor{'s' if processors > 1 else ''}"
+        label += f": {chosen[-1].wall_s / chosen[-1].campaigns:.1f} s a campaign"
         time_axes.plot(sizes, minutes, line, color=colour, marker=marker, label=label)
-        time_axes.annotate(
-            f"{chosen[-1].wall_s / chosen[-1].campaigns:.1f} s a campaign",
-            (sizes[-1], minutes[-1]),
-            xytext=(-4, 5 if processors == 1 else -11),
-            textcoords="offset points",
-            ha="right",
-            color=colour,
-        )
     sizes = np.array(sorted({run.campaigns for run in local}), dtype=float)
     first = min((run for run in local), key=lambda r: (r.processors, r.campaigns))
     proportional = first.wall_s / 60 * sizes / first.campaigns
     time_axes.plot(sizes, proportional, color=GREY, linewidth=0.8, label="in proportion", zorder=0)
     time_axes.set(xscale="log", yscale="log", xlabel="campaigns", ylabel="time (min)")
-    time_axes.legend()
+    for axis in (time_axes.xaxis, time_axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    time_axes.set_ylim(top=6 * time_axes.get_ylim()[1])  # room for the legend
+    time_axes.legend(loc="upper left")
 
     size = max((run.campaigns for run in runs if run.how != LOCAL), default=max(sizes))
     compared = [
-        run
-        for run in runs
-        if run.campaigns == size
-        and run.processors == max(r.processors for r in runs)
-        and run.overhead_s > 0
+        run for run in runs if run.campaigns == size and (run.how != LOCAL or run.processors == 1)
     ]
     places = np.arange(len(compared))[::-1]
     bars = overhead_axes.barh(places, [run.overhead_s for run in compared], color=BLUE, height=0.6)
@@ -263,9 +265,7 @@ def cost_figure(runs: Sequence[Run]) -> Figure:
         places,
         [f"{run.how}\n({run.slurm_jobs} jobs)" if run.slurm_jobs else run.how for run in compared],
     )
-    overhead_axes.set(
-        xlabel=f"processor time a step besides the step itself (s), {size:g} campaigns"
-    )
+    overhead_axes.set(xlabel=f"processor time a step besides its own (s)\n{size:g} campaigns")
     overhead_axes.margins(x=0.2)
     return figure
 
@@ -293,9 +293,10 @@ def rows_of_steps(steps: Sequence[Step]) -> list[dict[str, Any]]:
 PAGE = """\
 # What a study costs
 
-{provenance_line} Every number on this page was measured by `{command}`, at commit {commit}, on
-{machine}, with {processors} processors. How to run a study on a cluster stands in
-[cluster.md](cluster.md).
+All data are synthetic: campaigns of the virtual rig. Every number on this page was measured by
+`{command}`,
+at commit {commit}, on {machine}, with {processors} processors. How to run a study on a cluster
+stands in [cluster.md](cluster.md).
 
 A study here is a number of small campaigns ({trials} trials each, without longer protocols) that go
 through the whole workflow, from raw logs to the summary, with a reduced configuration:
@@ -311,9 +312,10 @@ Kernels are compiled beforehand.
 
 {runs}
 
-*Inside* is the time within the steps' own processes, summed; *overhead* is the processor time that
-a step takes besides: starting Snakemake and Slurm jobs, waiting for the next look at them, and
-processors that wait at the end.
+*Inside* is the time within the steps' own processes, summed; *held* the processor time that the
+study occupied: all processors all the time on this machine, with Slurm those of each job while it
+ran. The difference, *overhead*, is the start of jobs and of Snakemake, and processors that wait for
+the last step.
 
 ## Slurm: a job a step, and grouped
 
@@ -321,7 +323,9 @@ processors that wait at the end.
 
 ## Time and memory of each step
 
-From all runs on this machine alone; `publish` for the largest study ({largest} campaigns).
+From all runs without Slurm; `publish` for the largest study ({largest} campaigns). What a rule asks
+for leaves room for longer campaigns, for the first compilation, and for the two Snakemakes of its
+Slurm job.
 
 {steps}
 
@@ -344,15 +348,13 @@ def slurm_words(runs: Sequence[Run], reason: str) -> str:
     local = [
         run
         for run in runs
-        if run.how == LOCAL
-        and run.campaigns == single.campaigns
-        and run.processors == single.processors
+        if run.how == LOCAL and run.campaigns == single.campaigns and run.processors == 1
     ]
-    beside = f" On the machine alone it is {local[0].overhead_s:.1f} s." if local else ""
+    beside = f" On one processor without Slurm it is {local[0].overhead_s:.1f} s." if local else ""
     return (
         f"A study of {single.campaigns} campaigns on a Slurm of this one machine. With a job a "
-        f"step it is {single.slurm_jobs} Slurm jobs, and a step takes {single.overhead_s:.1f} s of "
-        f"a processor besides itself; *{best.how}* makes that {best.slurm_jobs} jobs and "
+        f"step it is {single.slurm_jobs} Slurm jobs, and a step holds {single.overhead_s:.1f} s of "
+        f"a processor besides its own; *{best.how}* makes that {best.slurm_jobs} jobs and "
         f"{best.overhead_s:.1f} s.{beside} What grouping spares is a turn in the queue and one of "
         "two starts of Snakemake a step; the other remains, as the executor runs each step of a "
         "group by a Snakemake of its own. On a real cluster a turn in the queue takes longer than "
@@ -383,6 +385,7 @@ def page(
             "Slurm jobs": run.slurm_jobs or "–",
             "time (s)": f"{run.wall_s:.0f}",
             "a campaign (s)": f"{run.wall_s / run.campaigns:.1f}",
+            "held (s)": f"{run.held_s:.0f}",
             "inside (s)": f"{run.inside_s:.0f}",
             "overhead a step (s)": f"{run.overhead_s:.1f}",
         }
@@ -397,7 +400,6 @@ def page(
         return tabulate(rows, headers="keys", tablefmt="pipe", disable_numparse=True)
 
     return PAGE.format(
-        provenance_line="All data are synthetic: campaigns of the virtual rig.",
         command=command,
         commit=commit or "unknown",
         machine=f"{platform.machine()}, Python {platform.python_version()}",

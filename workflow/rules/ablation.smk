@@ -13,7 +13,7 @@ rule ablation:
         "../envs/spa-fo.yaml"
     resources:
         mem_mb=growing(1000),
-        runtime=growing(30),
+        runtime=growing(10),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         options=CONFIG["ablation"],

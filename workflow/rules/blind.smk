@@ -65,7 +65,7 @@ rule blind_diagnose:
         "../envs/spa-fo.yaml"
     resources:
         mem_mb=growing(1000),
-        runtime=growing(480),
+        runtime=growing(120),
     params:
         seed=CONFIG["seed"],
         code=code("blind_diagnose.py"),
@@ -130,7 +130,7 @@ rule blind_score:
         "../envs/spa-fo.yaml"
     resources:
         mem_mb=growing(1000),
-        runtime=growing(30),
+        runtime=growing(15),
     params:
         plan=CONFIG["blind"],
         code=code("blind_score.py"),

@@ -54,7 +54,10 @@ def code(name):
 
 
 def growing(amount):
-    """A resource that a job has more of at each further attempt."""
+    """Memory in MB or time in minutes of a job, and more at each further attempt.
+
+    docs/scale.md has what the rules take.
+    """
     return lambda wildcards, attempt: amount * attempt
 
 

@@ -17,7 +17,7 @@ rule diagnose:
         "../envs/spa-fo.yaml"
     resources:
         mem_mb=growing(1000),
-        runtime=growing(60),
+        runtime=growing(15),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         seed=CONFIG["seed"],

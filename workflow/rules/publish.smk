@@ -21,7 +21,7 @@ rule figures:
         "../envs/spa-fo.yaml"
     resources:
         mem_mb=growing(1000),
-        runtime=growing(10),
+        runtime=growing(5),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         material=lambda wildcards: CONFIG["materials"][wildcards.material],
@@ -54,7 +54,7 @@ rule publish:
         "../envs/spa-fo.yaml"
     resources:
         mem_mb=growing(1000),
-        runtime=growing(10),
+        runtime=growing(15),
     params:
         campaigns=[campaign_of(material) for material in MATERIALS],
         materials=CONFIG["materials"],

@@ -14,7 +14,7 @@ rule raw_to_angle:
         "../envs/spa-fo.yaml"
     resources:
         mem_mb=growing(1000),
-        runtime=growing(10),
+        runtime=growing(5),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         code=code("raw_to_angle.py"),
