@@ -10,6 +10,7 @@ own. A comment on the line before a fence says otherwise::
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import os
 import re
@@ -153,9 +154,13 @@ def refusal(command: str) -> str:
 
 
 def _unknown_options(program: list[str], words: list[str]) -> str:
-    done = subprocess.run([*program, "--help"], capture_output=True, text=True, check=False)
-    if done.returncode:
-        return f"{program} has no --help: {done.stderr}"
     options = [word.split("=")[0] for word in words if word.startswith("--")]
-    unknown = [option for option in options if option not in done.stdout]
+    unknown = [option for option in options if option not in _help(tuple(program))]
     return f"{program} has no {unknown}" if unknown else ""
+
+
+@functools.cache
+def _help(program: tuple[str, ...]) -> str:
+    done = subprocess.run([*program, "--help"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{program} has no --help: {done.stderr}"
+    return done.stdout

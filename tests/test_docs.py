@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import os
 import re
 import shutil
@@ -137,11 +138,13 @@ def test_the_page_about_an_own_effect_adds_one(
     """All of the page, on a copy of the sources; in plain Python, as compiling takes a minute."""
     shutil.copytree(workplace, tmp_path, symlinks=True, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    for name in ("src", "docs"):
-        shutil.copytree(ROOT / name, name, ignore=shutil.ignore_patterns("__pycache__", "*.png"))
+    shutil.copytree(ROOT / "src", "src", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "docs").mkdir()
+    shutil.copy(ROOT / "docs" / "diagnosis.md", "docs")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     sources = {"PYTHONPATH": str(tmp_path / "src"), "NUMBA_DISABLE_JIT": "1", "PATH": path}
-    carried_out = {"diff": ["patch", "-p1"], "bash": ["bash", "-eu"], "python": [sys.executable]}
+    patch = ["git", "apply", "--recount", "-"]
+    carried_out = {"diff": patch, "bash": ["bash", "-eu"], "python": [sys.executable]}
     seen = []
     for block in blocks_of(OWN_EFFECT):
         if block.language in carried_out:
@@ -174,6 +177,7 @@ def skeleton(node: ast.expr) -> str:
     return "…"
 
 
+@functools.cache
 def texts(path: Path) -> set[str]:
     """Return the skeletons of all of a module's texts."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
