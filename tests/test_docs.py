@@ -143,7 +143,7 @@ def test_the_page_about_an_own_effect_adds_one(
     shutil.copy(ROOT / "docs" / "diagnosis.md", "docs")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     sources = {"PYTHONPATH": str(tmp_path / "src"), "NUMBA_DISABLE_JIT": "1", "PATH": path}
-    patch = ["git", "apply", "--recount", "-"]
+    patch = ["git", "apply", "-"]
     carried_out = {"diff": patch, "bash": ["bash", "-eu"], "python": [sys.executable]}
     seen = []
     for block in blocks_of(OWN_EFFECT):
