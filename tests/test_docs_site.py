@@ -115,7 +115,7 @@ def page() -> Iterator[Page]:
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_no_page_is_wider_than_the_window(page: Page, site: Path, size: tuple[int, int]) -> None:
-    for path in sorted(site.glob("*.html")):
+    for path in sorted([*site.glob("*.html"), *site.glob("examples/*.html")]):
         page.open(address(path), size)
         width = page.run("document.documentElement.scrollWidth")
         assert width <= size[0], (path.name, width)
