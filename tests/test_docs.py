@@ -6,6 +6,7 @@ import ast
 import functools
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from spa_fo.report.audit import audit
 
 DOCS = sorted((ROOT / "docs").glob("*.md"))
 PAGES = [ROOT / "README.md", *DOCS]
+EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
 OWN_EFFECT = ROOT / "docs" / "own_effect.md"
 _MOST_NAMES = 6
 
@@ -54,9 +56,10 @@ def test_the_table_of_the_library_is_the_library() -> None:
 def test_every_file_that_a_page_links_to_is_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in link]
-    made = "commands.md"  # when the site is built
-    missing = [link for link in links if not (page.parent / link).exists() and link != made]
-    assert not missing
+    # Made when the site is built: the commands' page, and one of each example.
+    made = {"commands.md", *(f"examples/{path.stem}.md" for path in EXAMPLES)}
+    missing = [link for link in links if not (page.parent / link).exists()]
+    assert set(missing) <= made
 
 
 def blocks_of(page: Path) -> list[Block]:
@@ -69,10 +72,26 @@ def has_blocks(page: Path) -> bool:
 
 def runs(block: Block) -> bool:
     """Say whether a block is carried out: all are but those marked, and make's, which take long."""
-    if block.reason or block.language not in (*SHELL, "python"):
+    if block.reason or block.elsewhere or block.language not in (*SHELL, "python"):
         return False
     return block.language == "python" or not all(
         command.startswith("make ") for command in commands(block.body)
+    )
+
+
+def bare_commands(block: Block) -> set[str]:
+    """Return a shell block's commands without the comments behind them."""
+    return {shlex.join(shlex.split(line, comments=True)) for line in commands(block.body)}
+
+
+def run_on(page: Path) -> set[str]:
+    return set().union(
+        *(
+            bare_commands(block)
+            for block in blocks_of(page)
+            if block.language in SHELL
+            if runs(block)
+        )
     )
 
 
@@ -107,9 +126,12 @@ def test_every_command_on_a_page_works(
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     for block in blocks_of(page):
-        assert not block.mark or block.reason or block.file, f"no such mark: {block.mark}"
+        known = block.reason or block.elsewhere or block.file
+        assert known or not block.mark, f"no such mark: {block.mark}"
         if block.file:
             (tmp_path / block.file).write_text(block.body, encoding="utf-8")
+        elif block.elsewhere:
+            assert bare_commands(block) <= run_on(ROOT / block.elsewhere)
         elif runs(block):
             run(block, names)
         elif block.language in SHELL:

@@ -12,7 +12,7 @@ from spa_fo.plant.estimates import Estimate
 # Colours of the page around it show through, so that dark notebooks stay readable.
 _FRAME = (
     "border:1px solid rgba(128,128,128,.35);border-radius:6px;padding:.6em 1em;max-width:60em;"
-    "overflow-x:auto;font-family:system-ui,sans-serif;font-size:14px;line-height:1.45"
+    "font-family:system-ui,sans-serif;font-size:14px;line-height:1.45"
 )
 _MUTED = "opacity:.72;font-size:90%"
 _CELL = "text-align:left;vertical-align:top;padding:.15em .9em .15em 0"
@@ -91,8 +91,9 @@ def _html_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         for row in rows
     )
     return (
+        '<div style="overflow-x:auto">'
         '<table style="border-collapse:collapse;margin:.5em 0;font-size:inherit">'
-        f"<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
+        f"<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 
