@@ -4,6 +4,7 @@ Fenced blocks in bash, sh or python are run, page by page and in order, in a fol
 own. A comment on the line before a fence says otherwise::
 
     <!-- not run: why -->            its commands are only checked against the command line
+    <!-- run on: docs/start.md -->    that page shows, and runs, the same commands
     <!-- file: raw/my_arm/a.yaml --> the block is written to that file
 """
 
@@ -54,6 +55,11 @@ class Block:
         return (
             self.mark.removeprefix("not run:").strip() if self.mark.startswith("not run:") else ""
         )
+
+    @property
+    def elsewhere(self) -> str:
+        """The page that runs its commands; empty where it is this one."""
+        return self._after("run on:")
 
     @property
     def file(self) -> str:
