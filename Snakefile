@@ -9,13 +9,24 @@ min_version("9.0")
 configfile: "config.yaml"
 
 
+report: "workflow/report/workflow.rst"
+
+
 include: "workflow/rules/common.smk"
+include: "workflow/rules/report.smk"
 include: "workflow/rules/raw_to_angle.smk"
 include: "workflow/rules/identify.smk"
 include: "workflow/rules/gap.smk"
 include: "workflow/rules/ablation.smk"
 include: "workflow/rules/publish.smk"
 include: "workflow/rules/blind.smk"
+
+
+localrules:
+    all,
+    blind,
+    blind_seals,
+    blind_unseal,
 
 
 rule all:

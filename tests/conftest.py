@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from reduced_workflow import configure, snakemake
+
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = Path(os.environ.get("SPA_FO_SHARED", ROOT.parent / "shared"))
 
@@ -29,3 +31,14 @@ def golden_step() -> dict[str, dict[str, str]]:
         pytest.skip(f"needs {path} (set SPA_FO_SHARED)")
     table: dict[str, dict[str, str]] = json.loads(path.read_text())
     return table
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of the reduced workflow; not to be changed."""
+    folder = tmp_path_factory.mktemp("reduced")
+    (folder / "raw").symlink_to(ROOT / "raw")
+    configure(folder)
+    run = snakemake(folder)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return folder

@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 import yaml
 
-from spa_fo.config import read_config
+from spa_fo.config import match_materials, read_config
 from spa_fo.errors import BadInput
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -73,3 +73,40 @@ def test_bad_config_is_one_clear_line(document: dict[str, Any], message: str) ->
     with pytest.raises(BadInput) as error:
         read(document)
     assert str(error.value) == message
+
+
+@pytest.fixture
+def raw(tmp_path: Path) -> Path:
+    for name in ("study_002", "study_001", "study_010", "other"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "campaign.yaml").touch()
+    (tmp_path / "study_notes").mkdir()
+    return tmp_path
+
+
+def test_a_pattern_is_an_entry_for_every_campaign_it_matches(raw: Path) -> None:
+    config = read({"materials": {"study_*": {"paper": "design_1"}}})
+    materials = match_materials(config["materials"], raw, "config.yaml")
+    assert list(materials) == ["study_001", "study_002", "study_010"]
+    assert all(entry == {"paper": "design_1"} for entry in materials.values())
+
+
+def test_an_entry_of_its_own_goes_before_a_pattern_and_a_pattern_before_a_later_one(
+    raw: Path,
+) -> None:
+    entries = {"study_0[01]*": {"ludwick_n": 2.0}, "*": {}, "study_002": {"paper": "design_2"}}
+    materials = match_materials(read({"materials": entries})["materials"], raw, "config.yaml")
+    assert materials == {
+        "study_001": {"ludwick_n": 2.0},
+        "study_010": {"ludwick_n": 2.0},
+        "other": {},
+        "study_002": {"paper": "design_2"},
+    }
+
+
+def test_a_pattern_without_a_campaign_is_one_clear_line(raw: Path) -> None:
+    with pytest.raises(BadInput) as error:
+        match_materials({"sutdy_*": {}}, raw, "config.yaml")
+    assert str(error.value) == (
+        f"config.yaml: materials.sutdy_*: matches no campaign's folder in {raw}"
+    )

@@ -80,13 +80,6 @@ def test_the_report_lists_correlations_strongest_first() -> None:
     assert all(size > 0.9 for size in sizes)
 
 
-def test_the_notebook_view_escapes_its_text(result: FitResult) -> None:
-    spoilt = replace(result, model=replace(result.model, material="<b>&"))
-    page = spoilt._repr_html_()
-    assert "&lt;b&gt;&amp;" in page
-    assert page.count("<tr>") == 7
-
-
 def test_the_dictionary_is_strict_json(result: FitResult) -> None:
     text = json.dumps(result.to_dict(), allow_nan=False)
     document = json.loads(text)

@@ -9,7 +9,8 @@ from identify_cases import TRUTH, steps
 from spa_fo.fractional import step_response
 from spa_fo.identify import assess, fit_optimum, free_bounds, widened_bounds
 from spa_fo.identify.noise import trial_noise
-from spa_fo.identify.uncertainty import QUANTITIES, Uncertainty
+from spa_fo.identify.uncertainty import Uncertainty
+from spa_fo.plant.estimates import QUANTITIES
 
 GAIN = TRUTH[4] / TRUTH[3]
 

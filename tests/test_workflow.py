@@ -2,62 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pytest
-import yaml
 
 import campaigns
+from reduced_workflow import REDUCED, SNAKEMAKE, configure, digests, snakemake
 from spa_fo.atomic import TEMPORARY
 
 ROOT = Path(__file__).resolve().parent.parent
-REDUCED = yaml.safe_load((ROOT / "tests" / "reduced" / "config.yaml").read_text())
-SNAKEMAKE = [
-    sys.executable,
-    "-m",
-    "snakemake",
-    "--snakefile",
-    str(ROOT / "Snakefile"),
-    "--cores",
-    "2",
-]
 
 pytestmark = pytest.mark.workflow
-
-
-def snakemake(
-    folder: Path, *options: str, environment: Mapping[str, str] | None = None
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*SNAKEMAKE, "--directory", str(folder), *options],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=dict(os.environ) | dict(environment or {}),
-    )
-
-
-def configure(folder: Path, **changes: Any) -> None:
-    (folder / "config.yaml").write_text(yaml.safe_dump(REDUCED | changes))
-
-
-def digests(folder: Path) -> dict[str, str]:
-    """Hash every result but the logs of the run."""
-    return {
-        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and "logs" not in path.parts and not path.name.startswith(".snakemake")
-    }
 
 
 def jobs(run: subprocess.CompletedProcess[str]) -> set[str]:
@@ -67,16 +28,6 @@ def jobs(run: subprocess.CompletedProcess[str]) -> set[str]:
         for line in run.stdout.splitlines()
         if line.startswith(("rule ", "localrule "))
     }
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("reduced")
-    (folder / "raw").symlink_to(ROOT / "raw")
-    configure(folder)
-    run = snakemake(folder)
-    assert run.returncode == 0, run.stdout + run.stderr
-    return folder
 
 
 def test_every_result_is_there_and_says_where_its_data_come_from(finished: Path) -> None:
@@ -149,8 +100,9 @@ def test_a_new_material_is_one_entry_and_its_folder(finished: Path, tmp_path: Pa
     assert (tmp_path / "results" / "my_arm" / "figures" / "step_responses.png").is_file()
     # What was there already was not made again, but for what shows all materials together.
     before, after = digests(finished / "results"), digests(tmp_path / "results")
+    together = ("tables/", "pages/tables/", "report_texts/", "summary.md")
     assert {name for name in before if before[name] != after[name]} <= {
-        name for name in before if name.startswith(("tables/", "summary.md"))
+        name for name in before if name.startswith(together)
     }
 
 

@@ -12,19 +12,26 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import llvmlite.binding  # type: ignore[import-untyped]
 import numba
 import platformdirs
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
+_NO_KERNELS = ("api", "export", "report", "rig", "cli.py", "export_cli.py", "rig_cli.py")
 
 
 def _kernel_hash() -> str:
-    """Hash every source file of the package that may hold or feed a kernel."""
+    """Hash the processor's name and every source file that may hold or feed a kernel.
+
+    Nodes of a cluster share a home, and Numba's cache is not made for two processors that write
+    the same kernel at the same moment.
+    """
     digest = hashlib.sha256(numba.__version__.encode())
+    digest.update(llvmlite.binding.get_host_cpu_name().encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
-        if path.parts[len(_PACKAGE.parts)] not in ("report", "rig", "cli.py"):
+        if path.parts[len(_PACKAGE.parts)] not in _NO_KERNELS:
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -1,4 +1,4 @@
-"""The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``plan``, and the rig's.
+"""The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``plan``, ``export``.
 
 Every command leaves with 0 when done and with 2 on bad input, after one clear line on stderr.
 """
@@ -11,23 +11,20 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from spa_fo import __version__
-from spa_fo.atomic import write_text
 from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error, keep_blas_to_one_thread
 from spa_fo.errors import BadInput
+from spa_fo.export_cli import add_export
 from spa_fo.rig_cli import add_rig_commands
-
-if TYPE_CHECKING:
-    from spa_fo.identify import Bounds
 
 # The rooms are imported by the commands that need them: `--help` must not wait for Numba.
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the process's exit code is returned, or raised as SystemExit."""
-    options = _parser().parse_args(arguments)
+    options = command_line().parse_args(arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal of another encoding shows a question mark for χ; it is no reason to fail.
         sys.stdout.reconfigure(errors="replace")
@@ -37,7 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """Declare every command."""
     parser = argparse.ArgumentParser(
         prog="spa-fo",
         description="Fractional-order models of soft pneumatic actuators, from raw serial logs.",
@@ -50,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_predict(commands)
     _add_diagnose(commands)
     _add_plan(commands)
+    add_export(commands, _command)
     add_rig_commands(commands, _command)
     return parser
 
@@ -89,12 +88,12 @@ def _add_parse(commands: Commands) -> None:
 
 
 def _parse(options: argparse.Namespace) -> None:
-    from spa_fo.rig import read_campaign, read_trials, write_trials
+    from spa_fo.api import Campaign
 
-    data = read_trials(read_campaign(options.campaign))
+    campaign = Campaign.load(options.campaign)
     if options.out:
-        write_trials(options.out, data.trials)
-    print(data.report.to_markdown())
+        campaign.save_table(options.out)
+    print(campaign.parse_report.to_markdown())
 
 
 def _add_inspect(commands: Commands) -> None:
@@ -166,26 +165,19 @@ def _seed(text: str) -> int:
 
 
 def _fit(options: argparse.Namespace) -> None:
-    from spa_fo.identify import fit_campaign
-    from spa_fo.plant import write_model
-    from spa_fo.rig import read_campaign, read_trials
+    from spa_fo.api import Campaign
+    from spa_fo.api.campaign import search_box
 
     bounds = _bounds(options.bound)
-    data = read_trials(read_campaign(options.campaign))
-    result = fit_campaign(
-        data,
-        seed=options.seed,
-        whole_logs=options.whole_logs,
-        signal=options.input,
-        bounds=bounds,
+    search_box(bounds)  # refused before the campaign is read
+    result = Campaign.load(options.campaign).fit(
+        seed=options.seed, whole_logs=options.whole_logs, input=options.input, bounds=bounds
     )
-    write_model(options.out, result.model)
-    print(result.report())
+    result.save(options.out)
+    print(result)
 
 
-def _bounds(texts: Sequence[str]) -> Bounds | None:
-    from spa_fo.identify import own_bounds
-
+def _bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     ranges = {}
     for text in texts:
         name, _, ends = text.partition("=")
@@ -196,10 +188,7 @@ def _bounds(texts: Sequence[str]) -> Bounds | None:
             raise BadInput(
                 "--bound", f"expected NAME=LOW:HIGH, such as a0=1:2, found {text!r}"
             ) from None
-    try:
-        return own_bounds(ranges) if ranges else None
-    except ValueError as error:
-        raise BadInput("--bound", str(error)) from None
+    return ranges
 
 
 def _add_predict(commands: Commands) -> None:
@@ -221,20 +210,14 @@ def _add_predict(commands: Commands) -> None:
 
 
 def _predict(options: argparse.Namespace) -> None:
-    from spa_fo.identify import predict_campaign
-    from spa_fo.plant import read_model
-    from spa_fo.plant.augmented import is_augmented, past_note
-    from spa_fo.rig import read_campaign, read_trials
+    from spa_fo.api import Model
 
-    model = read_model(options.model)
-    augmented = is_augmented(model, options.model)
-    data = read_trials(read_campaign(options.campaign))
-    note = past_note(model, data.campaign, options.model) if augmented else None
-    if note:
-        print(f"{options.model}: {note}", file=sys.stderr)
-    table = predict_campaign(model, data, options.model)
-    write_text(options.out, table.to_csv(index=False, lineterminator="\n"))
-    print(f"{options.out}: {len(table)} samples of {len(data.trials)} trials", file=sys.stderr)
+    prediction = Model.load(options.model).predict(options.campaign)
+    if prediction.note:
+        print(f"{options.model}: {prediction.note}", file=sys.stderr)
+    prediction.save(options.out)
+    samples, trials = len(prediction.table), len(prediction.campaign.trials)
+    print(f"{options.out}: {samples} samples of {trials} trials", file=sys.stderr)
 
 
 def _add_diagnose(commands: Commands) -> None:
@@ -263,17 +246,14 @@ def _add_diagnose(commands: Commands) -> None:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    from spa_fo.gap import diagnose_files, write_files
-    from spa_fo.report.diagnosis import write_report
-    from spa_fo.report.headline import headline
+    from spa_fo.api import Model
 
-    diagnosis = diagnose_files(
-        options.campaign, options.model, options.exclude_effect, options.seed, _tell
+    diagnosis = Model.load(options.model).diagnose(
+        options.campaign, exclude=options.exclude_effect, seed=options.seed, progress=_tell
     )
     _tell("drawing")
-    *_, page = write_report(diagnosis, options.out)
-    write_files(diagnosis, options.out)
-    print(*headline(diagnosis.to_dict()), page, sep="\n")
+    *_, page = diagnosis.save(options.out)
+    print(*diagnosis.headline(), page, sep="\n")
 
 
 def _tell(step: str) -> None:
@@ -319,18 +299,15 @@ def _positive(text: str) -> float:
 
 
 def _plan(options: argparse.Namespace) -> None:
-    from spa_fo.gap.plan import plan_campaign, report
-    from spa_fo.gap.profiles import write_profile
+    from spa_fo.api import Campaign
+    from spa_fo.api.plan import plan_next
     from spa_fo.gap.rivals import read_standing
-    from spa_fo.rig import read_campaign, read_trials
 
-    campaign = read_campaign(options.campaign)
+    campaign = Campaign.load(options.campaign)
     standing = read_standing(options.diagnosis, campaign.name)
-    advice = plan_campaign(
-        read_trials(campaign), standing, options.max_duration, options.max_pressure
-    )
-    write_profile(options.out, advice.profile, advice.purpose)
-    print(report(advice))
+    plan = plan_next(campaign, standing, options.max_duration, options.max_pressure)
+    plan.save(options.out)
+    print(plan)
 
 
 if __name__ == "__main__":

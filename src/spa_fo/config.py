@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import copy
+import fnmatch
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from spa_fo.errors import BadInput
 from spa_fo.validation import load_yaml, validate
+
+_PATTERN = re.compile(r"[*?[]")
 
 
 def read_config(
@@ -43,6 +47,46 @@ def read_config(
     config = _with_defaults(plain, schema)
     assert isinstance(config, dict)
     return config
+
+
+def match_materials(
+    materials: Mapping[str, Mapping[str, Any]], raw: Path | str, source: Path | str
+) -> dict[str, dict[str, Any]]:
+    """Replace every entry whose name is a pattern by one for each campaign folder that it matches.
+
+    Parameters
+    ----------
+    materials : Mapping
+        Entries of the configuration; names may hold ``*``, ``?`` and ``[...]``.
+    raw : Path or str
+        The folder of the campaigns' folders.
+    source : Path or str
+        The configuration's file, for the message.
+
+    Returns
+    -------
+    dict
+        Entries by plain name, a pattern's in alphabetical order in its place. An entry with the
+        plain name goes before any pattern, an earlier pattern before a later one.
+
+    Raises
+    ------
+    BadInput
+        A pattern matches no folder that holds a campaign.yaml.
+    """
+    campaigns = sorted(path.parent.name for path in Path(raw).glob("*/campaign.yaml"))
+    matched: dict[str, dict[str, Any]] = {}
+    for name, entry in materials.items():
+        if not _PATTERN.search(name):
+            matched[name] = dict(entry)
+            continue
+        names = fnmatch.filter(campaigns, name)
+        if not names:
+            raise BadInput(source, f"matches no campaign's folder in {raw}", f"materials.{name}")
+        for one in names:
+            if one not in materials:
+                matched.setdefault(one, dict(entry))
+    return matched
 
 
 def _without_empty_materials(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parent
@@ -40,7 +40,7 @@ def imported_files(script: Path | str) -> set[Path]:
     found: set[Path] = set()
     waiting = [Path(script)]
     while waiting:
-        for module in _imported_modules(waiting.pop()):
+        for module in _imported_modules(waiting.pop().read_bytes()):
             for path in _files_of(module) - found:
                 found.add(path)
                 if path.suffix == ".py":
@@ -48,9 +48,12 @@ def imported_files(script: Path | str) -> set[Path]:
     return found
 
 
-def _imported_modules(path: Path) -> Iterator[str]:
-    """Dotted names of the package's modules that one file may import."""
-    for node in ast.walk(ast.parse(path.read_bytes(), filename=str(path))):
+# Many scripts import the same modules, and every job of the workflow reads all scripts.
+@cache
+def _imported_modules(source: bytes) -> tuple[str, ...]:
+    """Dotted names of the package's modules that a source may import."""
+    found: list[str] = []
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -58,10 +61,12 @@ def _imported_modules(path: Path) -> Iterator[str]:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         else:
             continue
-        yield from (name for name in names if name.split(".")[0] == _NAME)
+        found += [name for name in names if name.split(".")[0] == _NAME]
+    return tuple(found)
 
 
-def _files_of(module: str) -> set[Path]:
+@cache
+def _files_of(module: str) -> frozenset[Path]:
     """Source and data files of a dotted module name and of the packages above it."""
     files: set[Path] = set()
     place = _PACKAGE
@@ -71,4 +76,4 @@ def _files_of(module: str) -> set[Path]:
             files |= {place / "__init__.py", *place.glob("*.yaml"), *place.glob("*.mplstyle")}
         elif place.with_suffix(".py").is_file():
             files.add(place.with_suffix(".py"))
-    return {path for path in files if path.is_file()}
+    return frozenset(path for path in files if path.is_file())

@@ -7,8 +7,13 @@ rule ablation:
         verdict=RESULTS / "{material}" / "ablation.json",
     log:
         RESULTS / "logs" / "{material}" / "ablation.log",
+    benchmark:
+        RESULTS / "logs" / "{material}" / "ablation.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(10),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         options=CONFIG["ablation"],

@@ -19,8 +19,13 @@ rule blind_cases:
         labels=directory(BLIND / "labels" / "{batch}"),
     log:
         RESULTS / "logs" / "blind" / "{batch}_cases.log",
+    benchmark:
+        RESULTS / "logs" / "blind" / "{batch}_cases.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(60),
     params:
         plan=CONFIG["blind"],
         share=lambda wildcards: BATCHES.index(wildcards.batch),
@@ -54,8 +59,13 @@ rule blind_diagnose:
         directory(BLIND / "diagnoses" / "{batch}"),
     log:
         RESULTS / "logs" / "blind" / "{batch}_diagnose.log",
+    benchmark:
+        RESULTS / "logs" / "blind" / "{batch}_diagnose.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(120),
     params:
         seed=CONFIG["seed"],
         code=code("blind_diagnose.py"),
@@ -72,8 +82,13 @@ rule blind_realise:
         BLIND / "realised" / "{batch}.json",
     log:
         RESULTS / "logs" / "blind" / "{batch}_realise.log",
+    benchmark:
+        RESULTS / "logs" / "blind" / "{batch}_realise.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(60),
     params:
         seed=CONFIG["seed"],
         code=code("blind_realise.py"),
@@ -109,8 +124,13 @@ rule blind_score:
         BLIND / "scores.json",
     log:
         RESULTS / "logs" / "blind" / "score.log",
+    benchmark:
+        RESULTS / "logs" / "blind" / "score.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(15),
     params:
         plan=CONFIG["blind"],
         code=code("blind_score.py"),
@@ -142,8 +162,13 @@ rule blind_publish:
         ),
     log:
         RESULTS / "logs" / "blind" / "publish.log",
+    benchmark:
+        RESULTS / "logs" / "blind" / "publish.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(10),
     params:
         code=code("blind_publish.py"),
     script:

@@ -2,7 +2,7 @@ import re
 from pathlib import Path
 
 from spa_fo.atomic import TEMPORARY
-from spa_fo.config import read_config
+from spa_fo.config import match_materials, read_config
 from spa_fo.edge import bad_input_exits
 from spa_fo.sources import code_hash
 from spa_fo.validation import load_yaml
@@ -18,6 +18,7 @@ with bad_input_exits():
         "config.yaml",
         Path(workflow.basedir) / "workflow/schemas/config.schema.yaml",
     )
+    CONFIG["materials"] = match_materials(CONFIG["materials"], CONFIG["raw"], "config.yaml")
 
 RAW = Path(CONFIG["raw"])
 RESULTS = Path(CONFIG["results"])
@@ -50,6 +51,14 @@ def raw_files(wildcards):
 def code(name):
     """What a script depends on in the package: an edit of the package runs its rule again."""
     return code_hash(SCRIPTS / name)
+
+
+def growing(amount):
+    """Memory in MB or time in minutes of a job, and more at each further attempt.
+
+    docs/scale.md has what the rules take.
+    """
+    return lambda wildcards, attempt: amount * attempt
 
 
 def of_each_material(name):

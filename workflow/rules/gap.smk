@@ -4,11 +4,20 @@ rule diagnose:
         trials=rules.raw_to_angle.output.trials,
         model=rules.identify.output.model,
     output:
-        directory(RESULTS / "{material}" / "diagnosis"),
+        shown(
+            directory(RESULTS / "{material}" / "diagnosis"),
+            "{item}.png",
+            "diagnosis.rst",
+        ),
     log:
         RESULTS / "logs" / "{material}" / "diagnose.log",
+    benchmark:
+        RESULTS / "logs" / "{material}" / "diagnose.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(15),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         seed=CONFIG["seed"],

@@ -9,8 +9,13 @@ rule identify:
         comparison=RESULTS / "{material}" / "comparison.json",
     log:
         RESULTS / "logs" / "{material}" / "identify.log",
+    benchmark:
+        RESULTS / "logs" / "{material}" / "identify.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(10),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         material=lambda wildcards: CONFIG["materials"][wildcards.material],

@@ -8,11 +8,20 @@ rule figures:
         ablation=rules.ablation.output.table,
         ablation_verdict=rules.ablation.output.verdict,
     output:
-        directory(RESULTS / "{material}" / "figures"),
+        shown(
+            directory(RESULTS / "{material}" / "figures"),
+            "{item}.png",
+            "figures.rst",
+        ),
     log:
         RESULTS / "logs" / "{material}" / "figures.log",
+    benchmark:
+        RESULTS / "logs" / "{material}" / "figures.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(5),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         material=lambda wildcards: CONFIG["materials"][wildcards.material],
@@ -22,7 +31,7 @@ rule figures:
 
 
 rule publish:
-    """The tables (csv, tex, md), the audit of the paper, and the summary to start from."""
+    """The tables (csv, tex, md), the audit of the paper, the summary; the report's pages and texts."""
     input:
         parse_reports=of_each_material("parse_report.md"),
         fits=of_each_material("fit.json"),
@@ -35,10 +44,17 @@ rule publish:
     output:
         summary=RESULTS / "summary.md",
         tables=directory(RESULTS / "tables"),
+        pages=shown(directory(RESULTS / "pages"), "{material}/{item}.html", "pages.rst"),
+        texts=directory(RESULTS / "report_texts"),
     log:
         RESULTS / "logs" / "publish.log",
+    benchmark:
+        RESULTS / "logs" / "publish.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(15),
     params:
         campaigns=[campaign_of(material) for material in MATERIALS],
         materials=CONFIG["materials"],

@@ -8,8 +8,13 @@ rule raw_to_angle:
         calibration=RESULTS / "{material}" / "calibration.json",
     log:
         RESULTS / "logs" / "{material}" / "raw_to_angle.log",
+    benchmark:
+        RESULTS / "logs" / "{material}" / "raw_to_angle.tsv"
     conda:
         "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(5),
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         code=code("raw_to_angle.py"),

@@ -1,4 +1,4 @@
-"""The tables and the page to start from."""
+"""The tables, the page to start from, and the texts of the report."""
 
 import json
 from pathlib import Path
@@ -7,12 +7,15 @@ import pandas as pd
 
 from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
+from spa_fo.report.answers import write_texts
+from spa_fo.report.diagnosis import PAGE
+from spa_fo.report.pages import write_pages
 from spa_fo.report.summary import PublishedMaterial, summary, tables, write_tables
 from spa_fo.rig import read_campaign
 
 
-def load(path):
-    return json.loads(Path(path).read_text(encoding="utf-8"))
+def read(path):
+    return Path(path).read_text(encoding="utf-8")
 
 
 with workflow_step(snakemake.log[0], snakemake.threads):
@@ -21,18 +24,22 @@ with workflow_step(snakemake.log[0], snakemake.threads):
             name=name,
             campaign=read_campaign(snakemake.params.campaigns[i]),
             design=entry.get("paper"),
-            fit=load(snakemake.input.fits[i]),
-            comparison=load(snakemake.input.comparisons[i]),
-            verdict=load(snakemake.input.ablation_verdicts[i]),
+            fit=json.loads(read(snakemake.input.fits[i])),
+            comparison=json.loads(read(snakemake.input.comparisons[i])),
+            verdict=json.loads(read(snakemake.input.ablation_verdicts[i])),
             ablation=pd.read_csv(snakemake.input.ablations[i]),
-            fit_report=Path(snakemake.input.reports[i]).read_text(encoding="utf-8"),
-            parse_report=Path(snakemake.input.parse_reports[i]).read_text(encoding="utf-8"),
-            diagnosis=load(Path(snakemake.input.diagnoses[i]) / "diagnosis.json"),
+            fit_report=read(snakemake.input.reports[i]),
+            parse_report=read(snakemake.input.parse_reports[i]),
+            diagnosis=json.loads(read(Path(snakemake.input.diagnoses[i]) / "diagnosis.json")),
+            diagnosis_page=read(Path(snakemake.input.diagnoses[i]) / PAGE),
             figures=tuple(p.stem for p in sorted(Path(snakemake.input.figures[i]).glob("*.png"))),
         )
         for i, (name, entry) in enumerate(snakemake.params.materials.items())
     ]
     folder = Path(snakemake.output.tables)
-    write_tables(tables(materials), folder)
+    made = tables(materials)
+    write_tables(made, folder)
+    write_pages(materials, made, Path(snakemake.output.pages))
+    write_texts(materials, Path(snakemake.output.texts))
     path = Path(snakemake.output.summary)
     write_text(path, summary(materials, folder, path.parent))

@@ -106,14 +106,25 @@ def diagnose_files(
         Something is wrong with the campaign, the model, or an effect's name.
     """
     plain = read_model(model_path)
-    if plain.effects:
-        raise BadInput(model_path, "holds effects; expected a plain model", "effects")
-    for name in exclude:
-        if name not in LIBRARY:
-            raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, IDS)}")
+    check_request(plain, exclude, model_path)
     progress("reading the campaign")
     data = read_trials(read_campaign(folder))
     return diagnose(data, plain, excluded=exclude, seed=seed, progress=progress)
+
+
+def check_request(plain: Model, exclude: Sequence[str], source: Path | str = "model") -> None:
+    """Refuse what `diagnose` cannot work with.
+
+    Raises
+    ------
+    BadInput
+        The model is not plain (`source` names it), or the library has no such effect.
+    """
+    if plain.effects:
+        raise BadInput(source, "holds effects; expected a plain model", "effects")
+    for name in exclude:
+        if name not in LIBRARY:
+            raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, IDS)}")
 
 
 def write_files(diagnosis: Diagnosis, out: Path | str) -> None:

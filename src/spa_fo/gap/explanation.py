@@ -18,6 +18,8 @@ from spa_fo.plant.effects.library import LIBRARY
 
 Floats = NDArray[np.float64]
 
+_CARRIED = ("provenance", "sampling")  # keys of the plain model that hold of the augmented one too
+
 
 @dataclass(frozen=True)
 class Explanation:
@@ -178,7 +180,8 @@ def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) 
             effect["zeros_deg"] = {str(o): z for o, z in zip(orders.tolist(), zeros, strict=True)}
         effects.append(effect)
     seat = seat_of(evidence, explanation.effects())
-    extra: dict[str, Any] = {}
+    # Its coefficients are other ones: the uncertainty of the plain model's is not theirs.
+    extra: dict[str, Any] = {key: plain.extra[key] for key in _CARRIED if key in plain.extra}
     if seat.bias_deg.any() or seat.film.any():
         extra["sensor_seat"] = seat.to_dict()
     return Model(

@@ -139,7 +139,13 @@ def read_standing(path: Path | str, campaign: str) -> Standing:
         The file cannot be read, is no diagnosis, or of another campaign; a key is missing, an
         effect unknown. The text names the key.
     """
-    return _Reader(Path(path)).standing(campaign)
+    reader = _Reader(Path(path))
+    return reader.standing(reader.document(), campaign)
+
+
+def standing_of(document: Mapping[str, Any], campaign: str) -> Standing:
+    """Return what a diagnosis at hand left open; see `read_standing`."""
+    return _Reader(Path("diagnosis")).standing(document, campaign)
 
 
 class _Reader:
@@ -151,8 +157,7 @@ class _Reader:
     def refuse(self, where: str, expected: str) -> NoReturn:
         raise BadInput(self.path, expected, where)
 
-    def standing(self, campaign: str) -> Standing:
-        document = self._document()
+    def standing(self, document: Mapping[str, Any], campaign: str) -> Standing:
         if document.get("schema") != SCHEMA:
             self.refuse("schema", f'expected "{SCHEMA}", found {document.get("schema")!r}')
         if document.get("campaign") != campaign:
@@ -180,7 +185,7 @@ class _Reader:
             misses=tuple(map(str, misses)) if isinstance(misses, list) else (),
         )
 
-    def _document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, Any]:
         try:
             document = json.loads(self.path.read_text(encoding="utf-8"))
         except OSError as error:

@@ -24,7 +24,7 @@ from spa_fo.identify.noise import trial_noise
 from spa_fo.identify.polish import Draws, Optimum, fit_many, fit_optimum
 from spa_fo.identify.protocol import StepData
 from spa_fo.identify.result import campaign_steps
-from spa_fo.identify.uncertainty import QUANTITIES
+from spa_fo.plant.estimates import QUANTITIES
 from spa_fo.plant.paper import DATASETS, POINTS, TRIALS
 from spa_fo.plant.transfer_function import PARAMETERS
 from spa_fo.rig import CampaignData

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import html
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from spa_fo.identify.uncertainty import QUANTITIES, Profile, Uncertainty
+from spa_fo.identify.uncertainty import Uncertainty
 from spa_fo.plant import PARAMETERS
 
 if TYPE_CHECKING:
@@ -23,7 +21,7 @@ _WIDTH = 96
 
 def fit_report(result: FitResult) -> str:
     """Return the report as text for one screen."""
-    lines = [*_head(result), "", *_parameter_lines(result), "", *_error_lines(result)]
+    lines = [*head_lines(result), "", *_parameter_lines(result), "", *error_lines(result)]
     strong = strong_correlations(result.uncertainty) if result.uncertainty else []
     if strong:
         pairs = [f"{a} {b} {value:+.4f}" for a, b, value in strong]
@@ -44,25 +42,11 @@ def strong_correlations(assessed: Uncertainty) -> list[tuple[str, str, float]]:
     return sorted(pairs, key=lambda pair: -abs(pair[2]))
 
 
-def fit_report_html(result: FitResult) -> str:
-    """Return the report for a notebook."""
-    rows = "".join(
-        f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>"
-        for row in _rows(result)
-    )
-    heads = "".join(f"<th>{html.escape(cell)}</th>" for cell in _COLUMNS)
-    notes = "".join(f"<li>{html.escape(text)}</li>" for text in result.warnings)
-    facts = "<br>".join(html.escape(line) for line in [*_head(result), *_error_lines(result)])
-    return (
-        f"<p>{facts}</p><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
-        f"<ul>{notes}</ul>"
-    )
-
-
 _COLUMNS = ("parameter", "value", "± error", "95 % profile", "95 % bootstrap", "determined", "")
 
 
-def _head(result: FitResult) -> list[str]:
+def head_lines(result: FitResult) -> list[str]:
+    """Say what was fitted to what, and how good the search was, a line each."""
     model, optimum = result.model, result.optimum
     kind = result.provenance
     lines = [
@@ -108,23 +92,24 @@ def _parameter_lines(result: FitResult) -> list[str]:
 
 
 def _rows(result: FitResult) -> list[list[str]]:
-    values = [*result.optimum.x, result.gain]
     marks = dict(mark.split() for mark in result.optimum.at_bounds)
     assessed = result.uncertainty
     rows = []
-    for i, (name, value) in enumerate(zip(QUANTITIES, values, strict=True)):
+    for i, estimate in enumerate(result.estimates):
+        name = estimate.name
+        value, _, error = estimate.text().partition(" ± ")
         at_bound = f"at {marks[name]} bound" if name in marks else ""
         note = at_bound or _UNITS.get(name, "")
         if assessed is None:
-            rows.append([name, f"{value:.4f}", _error(result.log_errors, i), "", "", "", note])
+            rows.append([name, value, f"± {error}" if error else "", "", "", "", note])
             continue
         profile, b = assessed.profiles[i], assessed.bootstrap
         rows.append(
             [
                 name,
-                f"{value:.4f}",
-                _error(assessed.covariance.standard_error, i),
-                _interval(profile),
+                value,
+                f"± {error}" if error else "",
+                estimate.interval_text(),
                 "" if b is None else f"{b.low[i]:.3g} .. {b.high[i]:.3g}",
                 "yes" if profile.determined else "no",
                 note,
@@ -133,18 +118,8 @@ def _rows(result: FitResult) -> list[list[str]]:
     return rows
 
 
-def _error(errors: NDArray[np.float64] | None, i: int) -> str:
-    return "" if errors is None or np.isnan(errors[i]) else f"± {errors[i]:.2g}"
-
-
-def _interval(profile: Profile) -> str:
-    """Write an interval; an open end is marked, since there the bound ended it."""
-    low = f"(open) {profile.low_95:.3g}" if profile.open_low else f"{profile.low_95:.3g}"
-    high = f"{profile.high_95:.3g} (open)" if profile.open_high else f"{profile.high_95:.3g}"
-    return f"{low} .. {high}"
-
-
-def _error_lines(result: FitResult) -> list[str]:
+def error_lines(result: FitResult) -> list[str]:
+    """Say how well the model meets each experiment, a line each."""
     return [
         f"{error.experiment}: {error.rms_deg:.2f}° ({error.percent:.2f} %) "
         + (

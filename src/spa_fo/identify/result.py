@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,10 @@ from spa_fo.identify.bounds import Bounds
 from spa_fo.identify.moderate import WORTH, moderate_optimum
 from spa_fo.identify.polish import Optimum, fit_optimum
 from spa_fo.identify.protocol import StepData, is_step, step_data
-from spa_fo.identify.uncertainty import QUANTITIES, Uncertainty, assess
+from spa_fo.identify.uncertainty import Uncertainty, assess
 from spa_fo.identify.whole_log import LogData, fit_whole_logs, input_of, log_data, log_errors
 from spa_fo.plant import PARAMETERS, Model
+from spa_fo.plant.estimates import KEY, QUANTITIES, Estimate, bare_estimates, uncertainty_entry
 from spa_fo.plant.paper import POINTS
 from spa_fo.rig import CampaignData, Trial
 
@@ -26,6 +27,8 @@ Floats = NDArray[np.float64]
 
 ON_STEPS = "up-steps"
 ON_WHOLE_LOGS = "whole logs"
+FROM_STEPS = "standard error; 95 % profile-likelihood interval"
+FROM_WHOLE_LOGS = "standard error, from leaving out one log at a time"
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,11 @@ class FitResult:
         return self.model.transfer_function.gain
 
     @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """`QUANTITIES` with their uncertainty; the kind is empty where a single log tells none."""
+        return _estimates(self.model, self.uncertainty, self.log_errors)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What a reader of the parameters must know, in words."""
         return tuple(_warnings(self))
@@ -107,11 +115,6 @@ class FitResult:
         from spa_fo.identify.fit_report import fit_report
 
         return fit_report(self)
-
-    def _repr_html_(self) -> str:
-        from spa_fo.identify.fit_report import fit_report_html
-
-        return fit_report_html(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; NaN and infinity become None."""
@@ -214,15 +217,16 @@ def _fit_steps(
     optimum = _optimum(lambda box: fit_optimum(steps, box, seed), bounds)
     response = np.outer(steps.u, step_map(steps.t).response(optimum.x))
     _refuse_no_gain(float(np.sum(response * steps.angle_rad)), data)
+    uncertainty = assess(steps, optimum, seed, bootstrap)
     return FitResult(
-        model=_model(data, optimum, "command"),
+        model=_recorded(_model(data, optimum, "command"), data, uncertainty, None),
         fitted_on=ON_STEPS,
         provenance=data.campaign.provenance.kind,
         optimum=optimum,
         errors=_step_errors(steps, optimum),
         datasets=steps.datasets,
         samples=steps.angle_rad.size,
-        uncertainty=assess(steps, optimum, seed, bootstrap),
+        uncertainty=uncertainty,
         left_out=steps.left_out,
         data=steps,
     )
@@ -239,8 +243,9 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
         agreement += float(response[log.known] @ log.angle_rad[log.known])
     _refuse_no_gain(agreement, data)
     without = [trial.label for trial in data.trials if input_of(trial, signal) is None]
+    errors = log_errors(logs, optimum)
     return FitResult(
-        model=_model(data, optimum, signal),
+        model=_recorded(_model(data, optimum, signal), data, None, errors),
         fitted_on=ON_WHOLE_LOGS,
         provenance=campaign.provenance.kind,
         optimum=optimum,
@@ -249,7 +254,7 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
         samples=sum(int(np.count_nonzero(log.known)) for log in logs),
         uncertainty=None,
         left_out=tuple(f"{label}: no {signal} in its log" for label in without),
-        log_errors=log_errors(logs, optimum),
+        log_errors=errors,
     )
 
 
@@ -276,6 +281,51 @@ def _model(data: CampaignData, optimum: Optimum, signal: str) -> Model:
         reference_kpa=campaign.reference_kpa,
         signal=signal,
     )
+
+
+def _estimates(
+    model: Model, uncertainty: Uncertainty | None, errors: Floats | None
+) -> tuple[Estimate, ...]:
+    bare = bare_estimates(model)
+    if uncertainty is not None:
+        return tuple(
+            replace(
+                one,
+                error=_known(uncertainty.covariance.standard_error[i]),
+                low=profile.low_95,
+                high=profile.high_95,
+                open_low=profile.open_low,
+                open_high=profile.open_high,
+                kind=FROM_STEPS,
+                determined=profile.determined,
+            )
+            for i, (one, profile) in enumerate(zip(bare, uncertainty.profiles, strict=True))
+        )
+    if errors is not None:
+        return tuple(
+            replace(one, error=_known(error), kind=FROM_WHOLE_LOGS)
+            for one, error in zip(bare, errors, strict=True)
+        )
+    return bare
+
+
+def _known(error: float) -> float | None:
+    return float(error) if np.isfinite(error) else None
+
+
+def _recorded(
+    model: Model, data: CampaignData, uncertainty: Uncertainty | None, errors: Floats | None
+) -> Model:
+    """Let the model's file say what it rests on: provenance, sampling, uncertainty."""
+    intervals = [np.median(np.diff(trial.t_s)) for trial in data.trials]
+    extra: dict[str, Any] = {
+        "provenance": asdict(data.campaign.provenance),
+        "sampling": {"interval_s": float(np.round(np.median(intervals), 6))},
+    }
+    estimates = _estimates(model, uncertainty, errors)
+    if estimates[0].kind:
+        extra[KEY] = uncertainty_entry(estimates)
+    return replace(model, extra=extra)
 
 
 def _step_errors(data: StepData, optimum: Optimum) -> tuple[ExperimentError, ...]:

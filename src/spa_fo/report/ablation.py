@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from spa_fo.identify.ablation import ALL, nearest_datasets
-from spa_fo.identify.uncertainty import QUANTITIES
+from spa_fo.plant.estimates import QUANTITIES
 from spa_fo.plant.paper import DATASETS, POINTS
 from spa_fo.report.figures import QUANTITY_NAMES
 from spa_fo.report.style import TWO_COLUMNS_IN, new_figure, styled

@@ -93,19 +93,18 @@ def _figures(results: MaterialResults) -> Iterator[tuple[str, Figure]]:
         reproduction = Reproduction.from_dict(results.comparison)
         comparison = MaterialComparison(data.campaign.material, results.design, reproduction)
         yield "step_responses", step_figure(step_panels(comparison))
-    yield "whole_logs", log_figure(_log_panels(results), "model")
+    yield "whole_logs", log_figure(log_panels(data, results.model), "model")
     uncertainty = results.fit["uncertainty"]
     if uncertainty is not None:
-        profiles = [_profile(entry) for entry in uncertainty["profiles"]]
-        yield "identifiability", identifiability_figure(profiles)
+        yield "identifiability", identifiability_figure(profiles_of(results.fit))
     if len(results.ablation):
         yield "ablation", ablation_figure(results.ablation)
 
 
-def _log_panels(results: MaterialResults) -> list[LogPanel]:
-    """Return the first trial of each experiment, those that were not fitted first."""
+def log_panels(data: CampaignData, model: Model) -> list[LogPanel]:
+    """Return the first trial of each experiment with its prediction, steps last."""
     first: dict[str, Trial] = {}
-    for trial in results.data.trials:
+    for trial in data.trials:
         first.setdefault(trial.experiment, trial)
     ordered = sorted(first.values(), key=is_step)
     return [
@@ -113,11 +112,16 @@ def _log_panels(results: MaterialResults) -> list[LogPanel]:
             title=trial.label,
             t_s=trial.t_s,
             measured_deg=trial.angle_deg,
-            predicted_deg=predict_trial(results.model, trial),
+            predicted_deg=predict_trial(model, trial),
             pressure_kpa=trial.command_kpa,
         )
         for trial in ordered
     ]
+
+
+def profiles_of(fit: Mapping[str, Any]) -> list[Profile]:
+    """Return the profile likelihoods of a fit as `FitResult.to_dict` returned it."""
+    return [_profile(entry) for entry in fit["uncertainty"]["profiles"]]
 
 
 def _profile(entry: Mapping[str, Any]) -> Profile:

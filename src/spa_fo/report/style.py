@@ -58,6 +58,11 @@ def new_figure(width_in: float, height_in: float, mosaic: Sequence[Sequence[str]
     return figure
 
 
+def mark_provenance(figure: Figure, provenance: str) -> None:
+    """Write the provenance of its data below a figure."""
+    figure.supxlabel(provenance, fontsize=6, color="#555555", x=0.01, ha="left")
+
+
 def save_figure(figure: Figure, stem: Path | str, provenance: str) -> tuple[Path, Path]:
     """Write ``stem.pdf`` and ``stem.png`` with the provenance below the picture.
 
@@ -68,8 +73,8 @@ def save_figure(figure: Figure, stem: Path | str, provenance: str) -> tuple[Path
     BadInput
         A file cannot be written.
     """
+    mark_provenance(figure, provenance)
     with style.context(_STYLE):
-        figure.supxlabel(provenance, fontsize=6, color="#555555", x=0.01, ha="left")
         paths = Path(f"{stem}.pdf"), Path(f"{stem}.png")
         for path, metadata in zip(
             paths, ({"CreationDate": None, "Producer": None}, {"Software": None}), strict=True

@@ -12,7 +12,7 @@ import pandas as pd
 from spa_fo.identify.reproduction import Reproduction
 from spa_fo.plant import paper
 from spa_fo.report.ablation import ablation_table, verdict_lines
-from spa_fo.report.audit import Identified, audit, audit_table
+from spa_fo.report.audit import AuditLine, Identified, audit, audit_table
 from spa_fo.report.comparison import (
     MaterialComparison,
     baseline_table,
@@ -62,6 +62,8 @@ class PublishedMaterial:
         As text and as Markdown.
     diagnosis : Mapping
         As read from diagnosis.json.
+    diagnosis_page : str
+        The diagnosis as Markdown.
     figures : tuple of str
         Names of the figures there are, without suffix.
     """
@@ -76,6 +78,7 @@ class PublishedMaterial:
     fit_report: str
     parse_report: str
     diagnosis: Mapping[str, Any]
+    diagnosis_page: str
     figures: tuple[str, ...]
 
     @property
@@ -105,7 +108,7 @@ def tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
     stepped = [material for material in materials if material.comparison is not None]
     found: dict[str, Table] = {}
     if stepped:
-        provenance = _joint_provenance(stepped)
+        provenance = joint_provenance(stepped)
         compared = [
             MaterialComparison(m.label, m.design, Reproduction.from_dict(m.comparison))
             for m in stepped
@@ -116,10 +119,31 @@ def tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
         found["baselines"] = baseline_table(compared, provenance)
         found["ablation"] = ablation_table({m.label: m.ablation for m in stepped}, provenance)
     found["fit_errors"] = _fit_errors(materials)
-    designs = [material for material in materials if material.design is not None]
+    designs = _compared(materials)
     if designs:
-        found["audit"] = audit_table(audit(_identified(designs)), _joint_provenance(designs))
+        found["audit"] = audit_table(audit_lines(designs), joint_provenance(designs))
     return found
+
+
+def audit_lines(materials: Sequence[PublishedMaterial]) -> tuple[AuditLine, ...]:
+    """Check the paper's statements against the materials that are compared with it.
+
+    Parameters
+    ----------
+    materials : sequence of PublishedMaterial
+        Those without a design of the paper are passed over.
+
+    Returns
+    -------
+    tuple of AuditLine
+        Empty where no material is compared with the paper.
+    """
+    designs = _compared(materials)
+    return audit(_identified(designs)) if designs else ()
+
+
+def _compared(materials: Sequence[PublishedMaterial]) -> list[PublishedMaterial]:
+    return [material for material in materials if material.design is not None]
 
 
 def write_tables(found: Mapping[str, Table], folder: Path) -> None:
@@ -217,7 +241,7 @@ def _fit_errors(materials: Sequence[PublishedMaterial]) -> Table:
     return Table(
         pd.DataFrame(rows),
         "The identified model (model.json) against what it was fitted to",
-        _joint_provenance(materials),
+        joint_provenance(materials),
         {"trials": ".0f", "RMS (°)": ".2f", "RMS (%)": ".2f"},
     )
 
@@ -244,7 +268,8 @@ def _identified(materials: Sequence[PublishedMaterial]) -> dict[str, Identified]
     return found
 
 
-def _joint_provenance(materials: Sequence[PublishedMaterial]) -> str:
+def joint_provenance(materials: Sequence[PublishedMaterial]) -> str:
+    """Say where the data of several materials come from, in one line."""
     return joint_provenance_line(
         [material.label for material in materials], [m.provenance for m in materials]
     )

@@ -109,9 +109,15 @@ def _csv(table: Table) -> str:
 
 
 def _markdown(table: Table) -> str:
+    """Write a table in Markdown, its caption above in bold."""
+    return f"**{table.caption}**\n\n{markdown_body(table)}"
+
+
+def markdown_body(table: Table) -> str:
+    """Write a table in Markdown without its caption, its provenance below."""
     cells = _cells(table).map(lambda text: text.replace("|", "\\|"))
     body = cells.to_markdown(index=False, disable_numparse=True, colalign=_alignment(table))
-    return f"**{table.caption}**\n\n{body}\n\n_{table.provenance}_\n"
+    return f"{body}\n\n_{table.provenance}_\n"
 
 
 def _latex(table: Table) -> str:

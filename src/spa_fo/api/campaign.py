@@ -1,0 +1,227 @@
+"""A campaign at hand: its trials, parsed and calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from spa_fo.api.show import card, text_table
+from spa_fo.errors import BadInput
+from spa_fo.rig import CampaignData, ParseReport, Trial, read_campaign, read_trials, write_trials
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from spa_fo.api.fit import FitResult
+    from spa_fo.identify import Bounds
+
+_COLUMNS = (
+    "experiment",
+    "protocol",
+    "setpoint",
+    "trials",
+    "samples",
+    "longest",
+    "command to",
+    "angle to",
+)
+
+
+def search_box(bounds: Mapping[str, tuple[float, float]] | None) -> Bounds | None:
+    """Turn bounds of some parameters into those of a search; None where there are none.
+
+    Raises
+    ------
+    BadInput
+        A bound is none.
+    """
+    from spa_fo.identify import own_bounds
+
+    try:
+        return own_bounds(dict(bounds)) if bounds else None
+    except ValueError as error:
+        raise BadInput("--bound", str(error)) from None
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """One actuator, one series of measurements.
+
+    Attributes
+    ----------
+    data : spa_fo.rig.CampaignData
+        What campaign.yaml says, the trials, the calibrations.
+    """
+
+    data: CampaignData
+
+    @classmethod
+    def load(cls, folder: Path | str) -> Campaign:
+        """Read a campaign folder: check its bytes, parse every log, calibrate every angle.
+
+        Raises
+        ------
+        BadInput
+            Something is wrong with campaign.yaml or a log; the text names file and line.
+        """
+        return cls(read_trials(read_campaign(folder)))
+
+    @property
+    def name(self) -> str:
+        """As campaign.yaml has it."""
+        return self.data.campaign.name
+
+    @property
+    def material(self) -> str:
+        """As campaign.yaml has it."""
+        return self.data.campaign.material
+
+    @property
+    def provenance(self) -> str:
+        """Whether its data are measured or synthetic, and from where."""
+        from spa_fo.report.provenance import provenance_line
+
+        return provenance_line(self.data.campaign.provenance)
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        """All trials, in the order of campaign.yaml."""
+        return self.data.trials
+
+    @property
+    def parse_report(self) -> ParseReport:
+        """What was left out of each log, and why."""
+        return self.data.report
+
+    def table(self) -> pd.DataFrame:
+        """Return every sample of every trial.
+
+        Returns
+        -------
+        pandas.DataFrame
+            experiment, trial, t_s, command_kpa, pressure_kpa (NaN where not logged), angle_deg.
+        """
+        import pandas as pd
+
+        frames = [
+            pd.DataFrame(
+                {
+                    "experiment": trial.experiment,
+                    "trial": trial.trial,
+                    "t_s": trial.t_s,
+                    "command_kpa": np.nan if trial.command_kpa is None else trial.command_kpa,
+                    "pressure_kpa": np.nan if trial.pressure_kpa is None else trial.pressure_kpa,
+                    "angle_deg": trial.angle_deg,
+                }
+            )
+            for trial in self.trials
+        ]
+        return pd.concat(frames, ignore_index=True)
+
+    def save_table(self, path: Path | str) -> None:
+        """Write the samples as csv, as ``spa-fo parse --out`` does."""
+        write_trials(path, self.trials)
+
+    def fit(
+        self,
+        *,
+        seed: int = 1,
+        whole_logs: bool = False,
+        input: str | None = None,
+        bounds: Mapping[str, tuple[float, float]] | None = None,
+    ) -> FitResult:
+        """Identify the fractional-order model.
+
+        Parameters
+        ----------
+        seed : int
+            Of the swarm and the bootstrap.
+        whole_logs : bool
+            Fit whole logs even where there are up-steps.
+        input : {"command", "pressure"}, optional
+            What drives the model.
+        bounds : mapping, optional
+            Parameter -> (low, high) to search within.
+
+        Raises
+        ------
+        BadInput
+            The campaign holds nothing to fit, or a bound is none.
+        """
+        from spa_fo.api.fit import FitResult
+        from spa_fo.identify import fit_campaign
+
+        found = fit_campaign(
+            self.data,
+            seed=seed,
+            whole_logs=whole_logs,
+            signal=input,
+            bounds=search_box(bounds),
+        )
+        return FitResult(found, self)
+
+    def plot(self, what: str = "trials") -> Figure:
+        """Draw the trials, experiment by experiment, or the flex sensor's calibration.
+
+        Parameters
+        ----------
+        what : {"trials", "calibration"}
+
+        Raises
+        ------
+        BadInput
+            There is no calibration, or no such plot.
+        """
+        from spa_fo.api.figures import chosen
+        from spa_fo.report.campaign_figure import campaign_figure
+        from spa_fo.report.figures import calibration_figure
+
+        draw = {"trials": lambda: campaign_figure(self.data)}
+        if self.data.calibration is not None:
+            calibration = self.data.calibration
+            draw["calibration"] = lambda: calibration_figure(calibration, self.data.drifts)
+        return chosen(draw, what, self.provenance)
+
+    def _rows(self) -> list[list[str]]:
+        rows = []
+        for experiment in self.data.campaign.experiments:
+            trials = [trial for trial in self.trials if trial.experiment == experiment.name]
+            commands = [trial.command_kpa for trial in trials if trial.command_kpa is not None]
+            setpoint = experiment.setpoint_deg
+            rows.append(
+                [
+                    experiment.name,
+                    experiment.protocol,
+                    "" if setpoint is None else f"{setpoint:g}°",
+                    f"{len(trials)}",
+                    f"{sum(trial.t_s.size for trial in trials)}",
+                    f"{max(float(trial.t_s[-1]) for trial in trials):.1f} s",
+                    f"{max(float(c.max()) for c in commands):.1f} kPa" if commands else "",
+                    f"{max(float(trial.angle_deg.max()) for trial in trials):.1f}°",
+                ]
+            )
+        return rows
+
+    def _notes(self) -> list[str]:
+        report = self.data.report
+        damaged = sum(file.damaged_lines for file in report.files)
+        lines = sum(file.lines for file in report.files)
+        account = [f"{damaged} of {lines} lines are damaged (parse_report says which, and why)"]
+        return [*(account if damaged else []), *report.warnings]
+
+    def _title(self) -> str:
+        return f"{self.material}: {self.name}, {len(self.trials)} trials"
+
+    def __str__(self) -> str:
+        notes = [f"! {note}" for note in self._notes()]
+        return "\n".join(
+            [self._title(), self.provenance, "", text_table(_COLUMNS, self._rows()), *notes]
+        )
+
+    def _repr_html_(self) -> str:
+        return card(self._title(), [], _COLUMNS, self._rows(), self._notes(), self.provenance)

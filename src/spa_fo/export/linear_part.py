@@ -1,0 +1,92 @@
+"""What of a model is linear and belongs to the actuator: all that a transfer function can hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from spa_fo.errors import BadInput
+from spa_fo.plant import Model
+from spa_fo.plant.augmented import effects_vector
+from spa_fo.plant.effects.library import LIBRARY
+
+# Behind the angle: how it was read and logged, not how the actuator moves.
+_MEASURING = ("sensor", "acquisition")
+
+
+@dataclass(frozen=True)
+class LinearPart:
+    """What stands beside G(s) in an export.
+
+    Attributes
+    ----------
+    dead_time_s : float
+        Pure delay of the drive.
+    lags_s : tuple of float
+        Time constants of its first-order lags.
+    included : tuple of str
+        Effects that are exported.
+    left_out : tuple of str
+        Effects that are not linear: what the export lacks.
+    not_of_the_actuator : tuple of str
+        Effects of sensor and log: the export's output is the true angle.
+    """
+
+    dead_time_s: float = 0.0
+    lags_s: tuple[float, ...] = ()
+    included: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    not_of_the_actuator: tuple[str, ...] = ()
+
+
+def linear_part(
+    model: Model, source: Path | str = "model", allow_left_out: bool = False
+) -> LinearPart:
+    """Sort a model's effects.
+
+    Dead time and lag of the drive are exported exactly. Coefficients of a ``parameter_shift``
+    stand in G already. Sensor and log are not part of the actuator. Everything else is not
+    linear, or varies with time.
+
+    Parameters
+    ----------
+    model : Model
+        Plain or augmented.
+    source : Path or str
+        Its file, for messages.
+    allow_left_out : bool
+        Leave out what is not linear, rather than refuse it.
+
+    Raises
+    ------
+    BadInput
+        An effect is not what the library expects, or is not linear and was not allowed to be
+        left out.
+    """
+    vector = effects_vector(model, source)
+    dead_time = 0.0
+    lags: tuple[float, ...] = ()
+    included, left_out, measuring = [], [], []
+    for effect in model.effects:
+        name = effect["id"]
+        values = vector[LIBRARY[name].slots]
+        if LIBRARY[name].stage in _MEASURING:
+            measuring.append(name)
+        elif name == "dead_time":
+            dead_time = float(values[0])
+            included.append(name)
+        elif name == "line_lag":
+            lags = (float(values[0] * (1.0 - values[1])), float(values[0] * values[1]))
+            included.append(name)
+        elif name == "parameter_shift":
+            included.append(name)
+        else:
+            left_out.append(name)
+    if left_out and not allow_left_out:
+        raise BadInput(
+            source,
+            f"holds {', '.join(left_out)}, which no linear model can hold; --linear-part exports "
+            "the rest and says so",
+            "effects",
+        )
+    return LinearPart(dead_time, lags, tuple(included), tuple(left_out), tuple(measuring))
