@@ -216,7 +216,7 @@ def diagnose(
         model = replace(model, extra={**model.extra, "memory": ending_memory(model, data)})
     located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
     everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
-    causes = _causes(candidates, everything, held, verdict)
+    causes = _causes(candidates, everything, held, verdict, curves["plain"])
     misses = _misses(everything)
     progress("looking for the experiment that would decide")
     return Diagnosis(
@@ -440,7 +440,11 @@ def _refit(candidates: Candidates, evidence: Evidence, chosen: Explanation) -> E
 
 
 def _causes(
-    candidates: Candidates, everything: Evidence, held: HeldOut, verdict: Verdict
+    candidates: Candidates,
+    everything: Evidence,
+    held: HeldOut,
+    verdict: Verdict,
+    plain_deg: Floats,
 ) -> tuple[Cause, ...]:
     named = 1.0 - verdict.unknown
     where, orders = judged(everything, held), everything.grid.orders
@@ -465,7 +469,8 @@ def _causes(
         )
     known = {cause.set for cause in causes}
     if ("none",) not in known:
-        causes.append(Cause(("none",), 0.0, {}, {}))
+        error = rmse(everything, plain_deg, where)
+        causes.append(Cause(("none",), 0.0, {}, {}, held_out_rmse_deg=error))
     causes += [
         Cause((name,), 0.0, {}, {})
         for name in IDS
