@@ -151,7 +151,7 @@ def measured_steps(folder: Path, campaigns: int, said: str) -> list[Step]:
     """Read Snakemake's own measurements, and what it said that the rules ask for."""
     asked = {
         rule: tuple(int(re.search(rf"\b{name}=(\d+)", line)[1]) for name in ("mem_mb", "runtime"))
-        for rule, line in re.findall(r"rule (\w+):\n(?:    .*\n)*?    resources: (.*)", said)
+        for rule, line in re.findall(r"rule (\w+):\n(?: .*\n)*? +resources: (.*)", said)
         if "mem_mb" in line
     }
     steps = []
