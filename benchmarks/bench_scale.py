@@ -109,6 +109,7 @@ class Step:
     rule: str
     campaigns: int
     seconds: float
+    processor_s: float
     memory_mb: float
     asked_mb: int
     asked_min: int
@@ -157,8 +158,11 @@ def measured_steps(folder: Path, campaigns: int, said: str) -> list[Step]:
     steps = []
     for path in sorted((folder / "results" / "logs").rglob("*.tsv")):
         row = next(csv.DictReader(path.open(encoding="ascii"), delimiter="\t"))
-        memory = float(row["max_rss"]) if row["max_rss"] not in ("-", "NA") else 0.0
-        steps.append(Step(path.stem, campaigns, float(row["s"]), memory, *asked[path.stem]))
+        measured = [
+            float(row[key]) if row[key] not in ("-", "NA") else 0.0
+            for key in ("s", "cpu_time", "max_rss")
+        ]
+        steps.append(Step(path.stem, campaigns, *measured, *asked[path.stem]))
     return steps
 
 
@@ -304,7 +308,8 @@ through the whole workflow, from raw logs to the summary, with a reduced configu
 ```yaml
 {config}```
 
-Kernels are compiled beforehand.
+Kernels are compiled beforehand. A step had {share:.0%} of a processor while it ran: well below 100 %
+the machine was busy with other things, and the times are longer than they need be.
 
 ## Time against campaigns
 
@@ -406,6 +411,7 @@ def page(
         processors=os.cpu_count(),
         trials=len(TRIALS),
         config=yaml.safe_dump(CONFIG, sort_keys=False),
+        share=sum(step.processor_s for step in steps) / sum(step.seconds for step in steps),
         runs=markdown(table),
         slurm=slurm_words(runs, reason),
         largest=max(step.campaigns for step in steps),
