@@ -308,8 +308,8 @@ through the whole workflow, from raw logs to the summary, with a reduced configu
 ```yaml
 {config}```
 
-Kernels are compiled beforehand. A step had {share:.0%} of a processor while it ran: well below 100 %
-the machine was busy with other things, and the times are longer than they need be.
+Kernels are compiled beforehand. A step had {share:.0%} of a processor while it ran: well below
+100 % the machine was busy with other things, and the times are longer than they need be.
 
 ## Time against campaigns
 
