@@ -17,6 +17,7 @@ import os
 import platform
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -431,6 +432,8 @@ def main() -> None:
     parser.add_argument("--bootstraps", type=int, nargs="+", default=[400, 4000, 40000])
     parser.add_argument("--command", help="what the page says it was made by")
     given = parser.parse_args()
+    # Terminated, it leaves neither daemons nor studies behind.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     command = given.command or f"python {' '.join(sys.argv)}"
     runs: list[Run] = []
     steps: list[Step] = []
