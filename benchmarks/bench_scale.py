@@ -17,6 +17,7 @@ import os
 import platform
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -109,6 +110,7 @@ class Step:
     rule: str
     campaigns: int
     seconds: float
+    processor_s: float
     memory_mb: float
     asked_mb: int
     asked_min: int
@@ -151,14 +153,17 @@ def measured_steps(folder: Path, campaigns: int, said: str) -> list[Step]:
     """Read Snakemake's own measurements, and what it said that the rules ask for."""
     asked = {
         rule: tuple(int(re.search(rf"\b{name}=(\d+)", line)[1]) for name in ("mem_mb", "runtime"))
-        for rule, line in re.findall(r"rule (\w+):\n(?:    .*\n)*?    resources: (.*)", said)
+        for rule, line in re.findall(r"rule (\w+):\n(?: .*\n)*? +resources: (.*)", said)
         if "mem_mb" in line
     }
     steps = []
     for path in sorted((folder / "results" / "logs").rglob("*.tsv")):
         row = next(csv.DictReader(path.open(encoding="ascii"), delimiter="\t"))
-        memory = float(row["max_rss"]) if row["max_rss"] not in ("-", "NA") else 0.0
-        steps.append(Step(path.stem, campaigns, float(row["s"]), memory, *asked[path.stem]))
+        measured = [
+            float(row[key]) if row[key] not in ("-", "NA") else 0.0
+            for key in ("s", "cpu_time", "max_rss")
+        ]
+        steps.append(Step(path.stem, campaigns, *measured, *asked[path.stem]))
     return steps
 
 
@@ -304,7 +309,8 @@ through the whole workflow, from raw logs to the summary, with a reduced configu
 ```yaml
 {config}```
 
-Kernels are compiled beforehand.
+Kernels are compiled beforehand. A step had {share:.0%} of a processor while it ran: well below
+100 % the machine was busy with other things, and the times are longer than they need be.
 
 ## Time against campaigns
 
@@ -406,6 +412,7 @@ def page(
         processors=os.cpu_count(),
         trials=len(TRIALS),
         config=yaml.safe_dump(CONFIG, sort_keys=False),
+        share=sum(step.processor_s for step in steps) / sum(step.seconds for step in steps),
         runs=markdown(table),
         slurm=slurm_words(runs, reason),
         largest=max(step.campaigns for step in steps),
@@ -425,6 +432,8 @@ def main() -> None:
     parser.add_argument("--bootstraps", type=int, nargs="+", default=[400, 4000, 40000])
     parser.add_argument("--command", help="what the page says it was made by")
     given = parser.parse_args()
+    # Terminated, it leaves neither daemons nor studies behind.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     command = given.command or f"python {' '.join(sys.argv)}"
     runs: list[Run] = []
     steps: list[Step] = []

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -222,6 +223,8 @@ def main() -> int:
     if not sys.argv[1:]:
         print(__doc__)
         return 2
+    # Terminated, it takes the daemons with it.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         with one_node_cluster() as environment:
             return subprocess.run(sys.argv[1:], env=environment, check=False).returncode
