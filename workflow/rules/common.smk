@@ -18,7 +18,9 @@ with bad_input_exits():
         "config.yaml",
         Path(workflow.basedir) / "workflow/schemas/config.schema.yaml",
     )
-    CONFIG["materials"] = match_materials(CONFIG["materials"], CONFIG["raw"], "config.yaml")
+    CONFIG["materials"] = match_materials(
+        CONFIG["materials"], CONFIG["raw"], "config.yaml"
+    )
 
 RAW = Path(CONFIG["raw"])
 RESULTS = Path(CONFIG["results"])

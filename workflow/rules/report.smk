@@ -19,6 +19,8 @@ def shown(folder, pattern, caption):
         patterns=[pattern],
         caption=f"../report/{caption}",
         category=lambda wildcards: place(wildcards.item)[0],
-        subcategory=lambda wildcards: AS_SHOWN.get(wildcards.material, wildcards.material),
+        subcategory=lambda wildcards: AS_SHOWN.get(
+            wildcards.material, wildcards.material
+        ),
         labels=lambda wildcards: {"result": place(wildcards.item)[1]},
     )
