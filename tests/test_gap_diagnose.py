@@ -64,6 +64,8 @@ def test_hysteresis_is_among_the_sets_and_closes_the_gap(hysteresis):
     assert document["where"]["stage"]["actuator"] > 0.8
     shrink = document["shrink"]
     assert shrink["after_rmse_deg"] < shrink["before_rmse_deg"]
+    none = next(cause for cause in document["causes"] if cause["set"] == ["none"])
+    assert none["held_out_rmse_deg"] > shrink["after_rmse_deg"]
     low, high = shrink["ci95"]
     assert low <= shrink["fraction_closed"] <= high
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from spa_fo.gap.diagnosis import Shrink
-from spa_fo.gap.hold_out import HeldOut, shrink
+from spa_fo.gap.hold_out import HeldOut, fraction_closed, shrink
 
 SAMPLES = 80
 FLOOR = 0.5
@@ -48,6 +48,11 @@ def test_no_more_than_the_whole_gap_closes_and_the_formula_holds_of_what_is_writ
     assert found.fraction_closed == 1.0
     assert found.fraction_closed == 1 - (after**2 - floor**2) / (before**2 - floor**2)
     assert found.ci95[0] < 1.0 < found.ci95[1]
+
+
+def test_where_there_is_hardly_a_gap_the_share_stays_bounded() -> None:
+    assert fraction_closed(FLOOR**2, 4 * FLOOR**2, FLOOR) > -40
+    assert fraction_closed(0.9 * FLOOR**2, 0.9 * FLOOR**2, FLOOR) == 1.0
 
 
 def test_trials_that_disagree_widen_the_interval() -> None:

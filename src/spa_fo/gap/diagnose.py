@@ -26,7 +26,7 @@ from spa_fo.gap.evidence import Evidence, angle_chain, collect
 from spa_fo.gap.explain import AngleProblem
 from spa_fo.gap.explanation import Explanation, augmented_model, simulate
 from spa_fo.gap.floor import noise_floor
-from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse, shrink
+from spa_fo.gap.hold_out import HeldOut, fraction_closed, hold_out, judged, rmse, shrink
 from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
 from spa_fo.gap.plan import next_experiment
@@ -408,13 +408,12 @@ def _without_protocol(
     where = out[grid.sample_trial]
     before = rmse(everything, plain_deg, where)
     after = rmse(everything, simulate(best, everything), where)
-    gap = max(before**2 - floor_deg**2, 1e-6)
     return {
         "held_out_on": f"{left_out}: {int(out.sum())} trials",
         "set": list(best.ids),
         "before_rmse_deg": before,
         "after_rmse_deg": after,
-        "fraction_closed": 1.0 - max(after**2 - floor_deg**2, 0.0) / gap,
+        "fraction_closed": float(fraction_closed(before**2, after**2, floor_deg)),
     }
 
 
@@ -451,7 +450,8 @@ def _causes(
     causes = []
     for rank, s in enumerate(verdict.scored):
         e = s.explanation
-        error = rmse(everything, simulate(e, everything), where) if rank < _RUNGS else None
+        tried = rank < _RUNGS or not s.named
+        error = rmse(everything, simulate(e, everything), where) if tried else None
         x = dict(zip(PARAMETERS, e.fit.x.tolist(), strict=True))
         causes.append(
             Cause(

@@ -108,8 +108,12 @@ def shrink(
     floor_deg = min(floor_deg, rmse(evidence, curves["explained"], where))
     draws = rng.integers(draw_of.size, size=(_DRAWS, draw_of.size))
     total = weights[draws].sum(axis=1)
-    closed = _closed(before[draws].sum(axis=1) / total, after[draws].sum(axis=1) / total, floor_deg)
-    whole = float(_closed(before.sum() / weights.sum(), after.sum() / weights.sum(), floor_deg))
+    closed = fraction_closed(
+        before[draws].sum(axis=1) / total, after[draws].sum(axis=1) / total, floor_deg
+    )
+    whole = float(
+        fraction_closed(before.sum() / weights.sum(), after.sum() / weights.sum(), floor_deg)
+    )
     low, high = np.quantile(closed, [0.025, 0.975])
     # Few trials: Student's t against the normal quantile that the bootstrap stands for.
     wide = 1.0 + 2.0 / max(trials.size - 1, 1)
@@ -142,7 +146,8 @@ def _units(evidence: Evidence, where: NDArray[np.bool_]) -> NDArray[np.int64]:
     return unit
 
 
-def _closed(before: Floats, after: Floats, floor_deg: float) -> Floats:
+def fraction_closed(before: Floats | float, after: Floats | float, floor_deg: float) -> Floats:
+    """Share of the gap that closes: 1 - (after - floor²) / (before - floor²), errors as squares."""
     # Hardly a gap has no part that could be told, and no more than all of it closes.
     gap = np.maximum(before - floor_deg**2, (_HARDLY * floor_deg) ** 2 + 1e-6)
     return np.asarray(1.0 - np.maximum(after - floor_deg**2, 0.0) / gap)
