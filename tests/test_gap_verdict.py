@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spa_fo.gap.hold_out import _closed, hold_out
+from spa_fo.gap.hold_out import fraction_closed, hold_out
 from spa_fo.gap.unknown import Stress, _slope
 from spa_fo.gap.verdict import Scored, beating, judge, log_prior, stage_shares
 
@@ -81,10 +81,9 @@ def test_slope_of_a_line_and_its_error():
 def test_fraction_closed_is_the_contracts():
     before, after, floor = 2.1**2, 0.6**2, 0.5
     expected = 1.0 - (after - floor**2) / (before - floor**2)
-    assert _closed(np.array(before), np.array(after), floor) == pytest.approx(expected)
-    below = 1.0 - (0.4**2 - floor**2) / (before - floor**2)
-    assert _closed(np.array(before), np.array(0.4**2), floor) == pytest.approx(below)
-    assert below > 1.0
+    assert fraction_closed(before, after, floor) == pytest.approx(expected)
+    # What is left below the floor closes no more than all of the gap.
+    assert fraction_closed(before, 0.4**2, floor) == 1.0
 
 
 def trials(names):

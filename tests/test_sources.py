@@ -31,3 +31,10 @@ def test_the_hash_changes_with_the_script(tmp_path: Path) -> None:
     first = code_hash(script(tmp_path, "import math\n"))
     assert first == code_hash(script(tmp_path, "import math\n"))
     assert first != code_hash(script(tmp_path, "import cmath\n"))
+
+
+def test_what_only_the_type_checker_reads_does_not_count(tmp_path: Path) -> None:
+    text = "if TYPE_CHECKING:\n    import spa_fo.sources\nelse:\n    import spa_fo.errors\n"
+    files = imported_files(script(tmp_path, text))
+    assert PACKAGE / "errors.py" in files
+    assert PACKAGE / "sources.py" not in files

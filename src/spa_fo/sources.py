@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -53,7 +54,7 @@ def imported_files(script: Path | str) -> set[Path]:
 def _imported_modules(source: bytes) -> tuple[str, ...]:
     """Dotted names of the package's modules that a source may import."""
     found: list[str] = []
-    for node in ast.walk(ast.parse(source)):
+    for node in _run(ast.parse(source)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -63,6 +64,17 @@ def _imported_modules(source: bytes) -> tuple[str, ...]:
             continue
         found += [name for name in names if name.split(".")[0] == _NAME]
     return tuple(found)
+
+
+def _run(node: ast.AST) -> Iterator[ast.AST]:
+    """Walk what may run of a source: all but what is there for the type checker alone."""
+    yield node
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
+            for other in child.orelse:
+                yield from _run(other)
+        else:
+            yield from _run(child)
 
 
 @cache
