@@ -3,25 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-SNAKEMAKE = [
-    sys.executable,
-    "-m",
-    "snakemake",
-    "--snakefile",
-    str(ROOT / "Snakefile"),
-    "--cores",
-    "2",
-]
+from reduced_workflow import ROOT, snakemake
 
 # Knows what every diagnosis knows: campaign, model, effects to withhold. Always sure of creep.
 STAND_IN = f"""
@@ -56,18 +43,6 @@ sys.modules["spa_fo.gap"] = stand_in
 """
 
 pytestmark = pytest.mark.workflow
-
-
-def snakemake(
-    folder: Path, *options: str, environment: Mapping[str, str] | None = None
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*SNAKEMAKE, "--directory", str(folder), *options],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=dict(os.environ) | dict(environment or {}),
-    )
 
 
 @pytest.fixture(scope="module")

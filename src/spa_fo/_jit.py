@@ -19,7 +19,10 @@ import platformdirs
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
-_NO_KERNELS = ("api", "export", "report", "rig", "cli.py", "export_cli.py", "rig_cli.py")
+_NO_KERNELS = (
+    *("api", "export", "report", "rig"),
+    *("cli.py", "cli_numbers.py", "export_cli.py", "rig_cli.py"),
+)
 
 
 def _kernel_hash() -> str:

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import argparse
 import io
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
 
 from spa_fo import __version__
+from spa_fo.cli_numbers import positive
 from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error, keep_blas_to_one_thread
 from spa_fo.errors import BadInput
 from spa_fo.export_cli import add_export
@@ -276,26 +276,16 @@ def _add_plan(commands: Commands) -> None:
     parser.add_argument(
         "--max-duration",
         metavar="S",
-        type=_positive,
+        type=positive,
         help="longest profile (default: 120, or as long as the campaign's longest trial)",
     )
     parser.add_argument(
         "--max-pressure",
         metavar="KPA",
-        type=_positive,
+        type=positive,
         help="largest command (default: the campaign's)",
     )
     parser.set_defaults(run=_plan)
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"expected a positive number, found {text!r}")
-    return value
 
 
 def _plan(options: argparse.Namespace) -> None:

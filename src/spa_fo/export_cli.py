@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
+
+from spa_fo.cli_numbers import positive, whole
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 Command: TypeAlias = Callable[[Commands, str, str, str], argparse.ArgumentParser]
@@ -55,14 +56,14 @@ def add_export(commands: Commands, command: Command) -> None:
     parser.add_argument(
         "--band",
         nargs=2,
-        type=_positive,
+        type=positive,
         metavar=("LOW", "HIGH"),
         help="rad/s where it is to hold (default: two decades around the model's time scales, up "
         "to half the sampling rate)",
     )
     parser.add_argument(
         "--order",
-        type=_whole,
+        type=whole,
         metavar="N",
         help="oustaloup: 2N + 1 zeros and poles for each power (default: 5); fitted: number of "
         "poles (default: 10)",
@@ -70,7 +71,7 @@ def add_export(commands: Commands, command: Command) -> None:
     parser.add_argument(
         "--sample-time",
         metavar="S",
-        type=_positive,
+        type=positive,
         help="of the discrete filter (default: that of the model's logs)",
     )
     parser.add_argument(
@@ -104,19 +105,3 @@ def _export(options: argparse.Namespace) -> None:
     if options.figure:
         drawn = exported.save_figure(options.figure)
         print(f"{', '.join(map(str, drawn))}: Bode and step", file=sys.stderr)
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"expected a positive number, found {text!r}")
-    return value
-
-
-def _whole(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 1, found {text!r}")
-    return int(text)

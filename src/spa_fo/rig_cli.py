@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
+
+from spa_fo.cli_numbers import finite, positive, whole
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 Command: TypeAlias = Callable[[Commands, str, str, str], argparse.ArgumentParser]
@@ -58,13 +59,13 @@ def _add_record(commands: Commands, command: Command) -> None:
     parser.add_argument("--campaign", metavar="DIR", type=Path, required=True)
     parser.add_argument("--baud", metavar="N", type=int, default=_BAUD)
     parser.add_argument(
-        "--rate", metavar="HZ", type=_whole, default=50, help="samples a second (default: 50)"
+        "--rate", metavar="HZ", type=whole, default=50, help="samples a second (default: 50)"
     )
 
     series = parser.add_argument_group("the trials")
     series.add_argument("--experiment", metavar="NAME", help="such as step_30")
-    series.add_argument("--setpoint", metavar="DEG", type=_finite, help="the angle aimed at")
-    series.add_argument("--trials", metavar="N", type=_whole, default=1)
+    series.add_argument("--setpoint", metavar="DEG", type=finite, help="the angle aimed at")
+    series.add_argument("--trials", metavar="N", type=whole, default=1)
     series.add_argument(
         "--rest-between",
         metavar="S",
@@ -99,7 +100,7 @@ def _add_record(commands: Commands, command: Command) -> None:
         ("ramp", "of a triangle, one way (default: 8)"),
     ):
         profile.add_argument(f"--{name}", metavar="S", type=_duration, help=what)
-    profile.add_argument("--cycles", metavar="N", type=_whole, help="triangles (default: 2)")
+    profile.add_argument("--cycles", metavar="N", type=whole, help="triangles (default: 2)")
 
     calibration = parser.add_argument_group("the calibration")
     calibration.add_argument(
@@ -120,7 +121,7 @@ def _add_record(commands: Commands, command: Command) -> None:
     new.add_argument(
         "--reference",
         metavar="KPA",
-        type=_positive,
+        type=positive,
         default=30.0,
         help="pressure that is u = 1 (default: 30)",
     )
@@ -134,7 +135,7 @@ def _add_record(commands: Commands, command: Command) -> None:
     new.add_argument(
         "--started-s",
         metavar="S",
-        type=_finite,
+        type=finite,
         help="campaign time of the next log, where the recorder cannot know it",
     )
     parser.set_defaults(run=_record)
@@ -167,7 +168,7 @@ def _add_check(commands: Commands, command: Command) -> None:
     parser.add_argument(
         "--campaign", metavar="DIR", type=Path, help="for its pressure sensor and calibration"
     )
-    parser.add_argument("--rate", metavar="HZ", type=_whole, default=50)
+    parser.add_argument("--rate", metavar="HZ", type=whole, default=50)
     parser.add_argument("--baud", metavar="N", type=int, default=_BAUD)
     parser.add_argument("--out", metavar="FILE.log", type=Path, help="keep the run's log")
     parser.set_defaults(run=_check)
@@ -205,11 +206,11 @@ def _add_rig(commands: Commands, command: Command) -> None:
         help="dragon_skin_20 (default) or fx_pro",
     )
     serve.add_argument(
-        "--speed", metavar="X", type=_positive, default=1.0, help="times real time (default: 1)"
+        "--speed", metavar="X", type=positive, default=1.0, help="times real time (default: 1)"
     )
     serve.add_argument("--fault", metavar="ORDER", action="append", default=[])
     serve.add_argument("--baud", metavar="N", type=int, default=_BAUD)
-    serve.add_argument("--limit", metavar="KPA", type=_positive, default=100.0)
+    serve.add_argument("--limit", metavar="KPA", type=positive, default=100.0)
     serve.add_argument("--link", metavar="PATH", type=Path, help="a name for the port")
     serve.add_argument("--seed", metavar="N", type=int, default=1)
     serve.set_defaults(run=_serve)
@@ -229,31 +230,8 @@ def _serve(options: argparse.Namespace) -> None:
     )
 
 
-def _whole(text: str) -> int:
-    if not text.isdecimal() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 1, found {text!r}")
-    return int(text)
-
-
-def _finite(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"expected a number, found {text!r}")
-    return value
-
-
-def _positive(text: str) -> float:
-    value = _finite(text)
-    if value <= 0.0:
-        raise argparse.ArgumentTypeError(f"expected a positive number, found {text!r}")
-    return value
-
-
 def _duration(text: str) -> float:
-    value = _finite(text)
+    value = finite(text)
     if value < 0.0:
         raise argparse.ArgumentTypeError(f"expected a number from 0, found {text!r}")
     return value
@@ -264,4 +242,4 @@ def _pressures(text: str) -> list[float]:
 
 
 def _angles(text: str) -> list[float]:
-    return [_finite(part) for part in text.split(",")]
+    return [finite(part) for part in text.split(",")]

@@ -58,7 +58,7 @@ TIMING_S = 0.006
 
 _TURNED = 0.6  # typical state, -1 to 1, of a film's hysteresis
 _SLOPE_STEP = 1e-4
-_LN_GAIN = 4  # among the searched coefficients
+LN_GAIN = 4  # among the searched coefficients
 MOST_STEPS = 16
 _PACE_STEP = 2e-3
 
@@ -360,7 +360,7 @@ class AngleProblem:
                     curve[used],
                     late[used],
                     zero,
-                    slopes[used, _LN_GAIN : _LN_GAIN + 1],  # a stop or a ceiling holds it back
+                    slopes[used, LN_GAIN : LN_GAIN + 1],  # a stop or a ceiling holds it back
                     np.ones((used.size, 1)),
                     pace[used, None],
                     self._wave(used),

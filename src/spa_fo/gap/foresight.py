@@ -21,6 +21,7 @@ from spa_fo.gap.evidence import Evidence, Fixture, curve_columns
 from spa_fo.gap.explain import (
     COEFFICIENT_SPREAD,
     GAIN,
+    LN_GAIN,
     OFFSET,
     PACE,
     SCALES,
@@ -324,7 +325,8 @@ class _View:
         return _Rows(
             np.column_stack([slopes, late, curve_columns(y)]),
             np.asarray(self.seconds / (_PIECE_S * floor_deg**2)),
-            np.column_stack([slopes[:, 4], np.ones(y.size), pace]) * SCALES[[GAIN, OFFSET, PACE]],
+            np.column_stack([slopes[:, LN_GAIN], np.ones(y.size), pace])
+            * SCALES[[GAIN, OFFSET, PACE]],
             trials,
         )
 
