@@ -114,7 +114,7 @@ def test_one_version_and_one_licence() -> None:
 
 def test_the_changelog_begins_with_this_version() -> None:
     lines = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").splitlines()
-    released = [line for line in lines if line.startswith("## ")]
+    released = [line for line in lines if line.startswith("## ") and "Unreleased" not in line]
     assert released[0] == f"## [{spa_fo.__version__}] - {CITATION['date-released']}"
     versions = [tuple(map(int, re.findall(r"\d+", line)[:3])) for line in released]
     assert versions == sorted(versions, reverse=True)

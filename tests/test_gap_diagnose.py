@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from spa_fo.gap import diagnose_campaign
+from spa_fo.gap import claim, diagnose_campaign
 from spa_fo.plant.effects.library import IDS
 from spa_fo.virtual_rig.blind_build import Case, build, model_document
 
@@ -32,7 +32,7 @@ def hysteresis(tmp_path_factory):
     )
     folder = written(tmp_path_factory.mktemp("hysteresis"), case)
     module = importlib.import_module("spa_fo.gap.diagnose")
-    fit_again, part = module._refit, []
+    fit_again, part = claim.refit, []
 
     def watched(candidates, evidence, chosen):
         again = fit_again(candidates, evidence, chosen)
@@ -40,7 +40,8 @@ def hysteresis(tmp_path_factory):
         return again
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(module, "_refit", watched)
+        patched.setattr(claim, "refit", watched)
+        patched.setattr(module, "refit", watched)
         document = run(folder, folder / "out")
     return folder, document, part
 
@@ -118,6 +119,20 @@ def test_without_hysteresis_in_the_library_it_is_never_named(hysteresis):
     document = run(folder, folder / "without", exclude=["hysteresis"])
     check_contract(document)
     assert not any("hysteresis" in cause["set"] for cause in document["causes"])
+
+
+def test_an_unknown_cause_claims_nothing_for_a_protocol_it_was_fitted_to(tmp_path, monkeypatch):
+    case = Case("case_0004", 24, "closed", ("leak",), sizes=(4.0,), protocol="up_steps")
+    folder = written(tmp_path, case)
+    plain = run(folder, folder / "out")["shrink"]
+    module = importlib.import_module("spa_fo.gap.diagnose")
+    judged = module._verdict
+    monkeypatch.setattr(module, "_verdict", lambda scored, _: judged(scored, 0.9))
+    document = run(folder, folder / "unknown")
+    assert document["verdict"]["kind"] == "unknown"
+    unlike = document["shrink"]["protocol"]["held_out_on"]
+    assert document["shrink"]["held_out_on"] == f"{plain['held_out_on']}; {unlike}"
+    assert unlike not in plain["held_out_on"]
 
 
 def test_no_effect_is_no_gap(tmp_path):

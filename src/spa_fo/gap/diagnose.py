@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
 from spa_fo.gap.candidates import Candidates, Ids, consider
+from spa_fo.gap.claim import claim, refit
 from spa_fo.gap.diagnosis import (
     Cause,
     Diagnosis,
@@ -21,12 +21,10 @@ from spa_fo.gap.diagnosis import (
     Where,
     write_diagnosis,
 )
-from spa_fo.gap.drive import fit_drive
 from spa_fo.gap.evidence import Evidence, angle_chain, collect
-from spa_fo.gap.explain import AngleProblem
 from spa_fo.gap.explanation import Explanation, augmented_model, simulate
 from spa_fo.gap.floor import noise_floor
-from spa_fo.gap.hold_out import HeldOut, fraction_closed, hold_out, judged, rmse, shrink
+from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse
 from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
 from spa_fo.gap.plan import next_experiment
@@ -34,7 +32,7 @@ from spa_fo.gap.unknown import Stress, unknown_probability
 from spa_fo.gap.verdict import Scored, Verdict, beating, judge, stage_shares, weigh
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
-from spa_fo.plant.effects.library import IDS, LIBRARY, absent
+from spa_fo.plant.effects.library import IDS, LIBRARY, STAGES, absent
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
@@ -45,15 +43,10 @@ COMMONEST = "hysteresis"
 """What one hears most often about soft actuators: a baseline that always answers so."""
 _SAME_MODEL = 0.01  # of the static gain: two step responses nearer than that are one model
 _PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing worth saying
-_PART_EXPLAINED = 0.5  # of the gap, held out: less is nothing explained
 _BY_CHANCE = {"mains_pickup", "sensor_slip"}  # phases and jumps that nobody can foretell
 _AS_REPEATED = 1.15  # noise floors
-_LEAST_SCATTER = 0.1  # of what trials differ by, beside an interference
 _DOUBTED = 1.0 / 3.0  # probability of no gap: a gap is claimed where it is twice as probable
 _WORTH_TESTING = 0.01  # probability from which an explanation's predictions are tried
-_FREE_FORM_DEG = 2.0  # typical size of a correction without physics
-_UNLIKE = ("triangle", "free", "staircase", "hold", "step_release", "step")
-_LEADING = 4  # explanations that are chosen from without a protocol
 _RUNGS = 6  # explanations whose held-out error is computed
 
 
@@ -164,6 +157,107 @@ def diagnose(
         Told of each step in words.
     """
     rng = np.random.default_rng(seed)
+    examined = examine(data, plain, excluded, rng, seed, progress)
+    data, everything, held = examined.data, examined.everything, examined.held
+    candidates, scored, floor = examined.candidates, examined.scored, examined.floor_deg
+    own = candidates.own
+    unknown, stress = unknown_probability(scored, candidates, floor)
+    verdict = _verdict(scored, unknown)
+
+    progress(f"predicting the held-out trials ({held.text})")
+    chosen = _chosen(verdict)
+    claimed = claim(candidates, everything, held, verdict, chosen, floor, rng)
+    curves, shrunk, held_out = claimed.curves, claimed.shrink, claimed.held
+    if shrunk is None:
+        verdict = replace(verdict, sets=())
+
+    explained = bool(verdict.sets)
+    if explained:
+        progress("fitting the explanation once more, to all trials")
+    every = replace(candidates.evidence, takes_part=np.ones_like(held.trials))
+    final = refit(candidates, every, chosen) if explained else None
+    if not explained:
+        curves["explained"] = curves["plain"]
+    model = plain
+    if final is not None:
+        model = augmented_model(final, everything, plain)
+        model = replace(model, extra={**model.extra, "memory": ending_memory(model, data)})
+    located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
+    everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
+    causes = _causes(candidates, everything, held, verdict, curves["plain"])
+    misses = _misses(everything)
+    progress("looking for the experiment that would decide")
+    return Diagnosis(
+        campaign=data.campaign.name,
+        material=data.campaign.material,
+        provenance=data.campaign.provenance.kind,
+        seed=seed,
+        excluded=candidates.excluded,
+        gap=Gap(
+            rmse_deg=rmse(everything, curves["plain"], everywhere),
+            noise_floor_deg=floor,
+            significant=verdict.kind != "no_gap",
+            p_value=verdict.p_value,
+        ),
+        where=Where(stage=_stages(verdict, candidates, everything, curves["plain"]), **located),
+        causes=causes,
+        kind=verdict.kind,
+        sets=verdict.sets,
+        next_experiment=_next(verdict, causes, everything, floor, misses),
+        shrink=shrunk,
+        offers=_offers(everything),
+        misses=misses,
+        findings=(
+            *_findings(stress, unknown, own, verdict),
+            *_drive_finding(candidates, everything, held),
+        ),
+        baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
+        traces=_traces(everything, held_out, curves, final),
+        model=model,
+    )
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A campaign with every explanation of it fitted and weighed.
+
+    Attributes
+    ----------
+    data : CampaignData
+        The campaign as the model sees it.
+    everything : Evidence
+        All its trials.
+    held : HeldOut
+        Trials that took no part.
+    candidates : Candidates
+        Fits to the others.
+    scored : list of Scored
+        Explanations with their probabilities, `unknown` not counted.
+    floor_deg : float
+        The noise floor.
+    """
+
+    data: CampaignData
+    everything: Evidence
+    held: HeldOut
+    candidates: Candidates
+    scored: list[Scored]
+    floor_deg: float
+
+
+def examine(
+    data: CampaignData,
+    plain: Model,
+    excluded: Sequence[str],
+    rng: np.random.Generator,
+    seed: int = 1,
+    progress: Progress = _silent,
+) -> Examined:
+    """Fit and weigh every explanation; for the parameters see `diagnose`.
+
+    `rng` chooses the trials that are held out, `seed` is of the fit that shows whether the model
+    is the campaign's own.
+    """
     if plain.signal == "pressure":
         data = _driven_by_pressure(data)
     # The model's u, whatever the campaign's own would be.
@@ -186,67 +280,7 @@ def diagnose(
         "pressure"
     )
     scored = _tested(weigh(candidates, floor), candidates, everything, held, floor)
-    unknown, stress = unknown_probability(scored, candidates, floor)
-    verdict = _verdict(scored, unknown)
-
-    progress(f"predicting the held-out trials ({held.text})")
-    chosen = _chosen(verdict)
-    curves = _curves(candidates, everything, chosen)
-    shrunk = None
-    if verdict.sets:
-        scatter = _scatter(everything, chosen, curves["explained"], floor)
-        shrunk = shrink(everything, held, curves, scatter, rng)
-        if verdict.kind == "unknown" and shrunk.fraction_closed < _PART_EXPLAINED:
-            verdict, shrunk = replace(verdict, sets=()), None
-        else:
-            progress("predicting a protocol that took no part")
-            protocol = _without_protocol(candidates, everything, verdict, curves["plain"], scatter)
-            shrunk = replace(shrunk, protocol=protocol)
-
-    explained = bool(verdict.sets)
-    if explained:
-        progress("fitting the explanation once more, to all trials")
-    every = replace(candidates.evidence, takes_part=np.ones_like(held.trials))
-    final = _refit(candidates, every, chosen) if explained else None
-    if not explained:
-        curves["explained"] = curves["plain"]
-    model = plain
-    if final is not None:
-        model = augmented_model(final, everything, plain)
-        model = replace(model, extra={**model.extra, "memory": ending_memory(model, data)})
-    located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
-    everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
-    causes = _causes(candidates, everything, held, verdict, curves["plain"])
-    misses = _misses(everything)
-    progress("looking for the experiment that would decide")
-    return Diagnosis(
-        campaign=data.campaign.name,
-        material=data.campaign.material,
-        provenance=data.campaign.provenance.kind,
-        seed=seed,
-        excluded=tuple(excluded),
-        gap=Gap(
-            rmse_deg=rmse(everything, curves["plain"], everywhere),
-            noise_floor_deg=floor,
-            significant=verdict.kind != "no_gap",
-            p_value=verdict.p_value,
-        ),
-        where=Where(stage=_stages(verdict, candidates, everything, curves["plain"]), **located),
-        causes=causes,
-        kind=verdict.kind,
-        sets=verdict.sets,
-        next_experiment=_next(verdict, causes, everything, floor, misses),
-        shrink=shrunk,
-        offers=_offers(everything),
-        misses=misses,
-        findings=(
-            *_findings(stress, unknown, own, verdict),
-            *_drive_finding(candidates, everything, held),
-        ),
-        baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
-        traces=_traces(everything, held, curves, final),
-        model=model,
-    )
+    return Examined(data, everything, held, candidates, scored, floor)
 
 
 def _driven_by_pressure(data: CampaignData) -> CampaignData:
@@ -323,7 +357,7 @@ def _stages(
     verdict: Verdict, candidates: Candidates, everything: Evidence, plain_deg: Floats
 ) -> dict[str, float]:
     """Share the gap out to stages: by what explains it, or else by where it is seen."""
-    if verdict.kind == "no_gap" or verdict.sets:
+    if verdict.kind in ("no_gap", "cause", "ambiguous"):
         return stage_shares(verdict)
     drive, whole = 0.0, everything.grid.angle_deg - plain_deg
     if everything.has_pressure:
@@ -332,110 +366,24 @@ def _stages(
         driven, _ = chain.run(candidates.given, absent())
         drive = float(np.mean((driven - plain_deg) ** 2))
         whole = everything.grid.angle_deg - driven
-    sensor = 0.0
-    if everything.fixture is not None:
-        fixture = everything.fixture
-        sensor = max(float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2)), 0.0)
-    actuator = max(float(np.mean(whole**2)) - sensor, 0.0) + 1e-9
-    total = drive + sensor + actuator
-    return {
-        "drive": drive / total,
-        "actuator": actuator / total,
-        "sensor": sensor / total,
-        "acquisition": 0.0,
-    }
-
-
-def _curves(candidates: Candidates, everything: Evidence, chosen: Explanation) -> dict[str, Floats]:
-    """Predictions from the command at all averaged samples, deg."""
-    evidence, given = candidates.evidence, candidates.given
-    chain = angle_chain(everything, given, None)
-    nothing = np.full_like(chosen.effects(), np.nan)
-    plain, _ = chain.run(given, nothing)
-    start = candidates.angles[((), candidates.loose)].searched
-    refit = AngleProblem(evidence, chain, given, (), candidates.loose).fit(start)
-    loose = replace(evidence, tolerance_deg=_FREE_FORM_DEG)
-    free_form = AngleProblem(loose, chain, given, (), candidates.loose).fit(refit.searched)
-    return {
-        "plain": plain,
-        "refit": refit.predicted_deg,
-        "ceiling": free_form.predicted_deg + free_form.discrepancy_deg,
-        "explained": simulate(chosen, everything),
-    }
-
-
-def _scatter(
-    everything: Evidence, chosen: Explanation, explained_deg: Floats, floor_deg: float
-) -> float:
-    """Noise floor once the explanation is taken out of it, deg.
-
-    Slip, drift and softening let repeated trials differ, and so does an interference, whose phase
-    nobody can foretell: they are part of the gap.
-    """
-    scatter = min(floor_deg, noise_floor(everything, explained_deg))
-    if chosen.pickup is None:
-        return scatter
-    wave = chosen.pickup[1] ** 2 / 2.0
-    return float(np.sqrt(max(scatter**2 - wave, (_LEAST_SCATTER * scatter) ** 2)))
-
-
-def _without_protocol(
-    candidates: Candidates,
-    everything: Evidence,
-    verdict: Verdict,
-    plain_deg: Floats,
-    floor_deg: float,
-) -> dict[str, Any] | None:
-    """Choose among the leading explanations and fit them without one protocol; predict that one.
-
-    The protocol is the one least like the others: what was fitted to steps may fail on a triangle.
-    """
-    grid = everything.grid
-    names = [trial.experiment for trial in grid.trials]
-    protocol = {trial.experiment: trial.protocol for trial in grid.trials}
-    if len(protocol) < 2:
-        return None
-    left_out = min(protocol, key=lambda name: _UNLIKE.index(protocol[name]))
-    out = np.array([name == left_out for name in names])
-    evidence = replace(candidates.evidence, takes_part=~out)
-    fitted = [
-        _refit(candidates, evidence, s.explanation) for s in verdict.scored[:_LEADING] if s.named
-    ]
-    best = max(
-        fitted,
-        key=lambda e: e.fit.log_evidence + (e.drive.log_evidence if e.drive is not None else 0.0),
-    )
-    where = out[grid.sample_trial]
-    before = rmse(everything, plain_deg, where)
-    after = rmse(everything, simulate(best, everything), where)
-    return {
-        "held_out_on": f"{left_out}: {int(out.sum())} trials",
-        "set": list(best.ids),
-        "before_rmse_deg": before,
-        "after_rmse_deg": after,
-        "fraction_closed": float(fraction_closed(before**2, after**2, floor_deg)),
-    }
-
-
-def _refit(candidates: Candidates, evidence: Evidence, chosen: Explanation) -> Explanation:
-    """Fit the chosen explanation once more, to the trials of `evidence`."""
-    fit = chosen.fit
-    pickup_hz = None
-    if "mains_pickup" in fit.ids and chosen.pickup is not None:
-        pickup_hz = chosen.pickup[0]
-    problem = AngleProblem(
-        evidence,
-        candidates.chain,
-        candidates.given,
-        fit.ids,
-        fit.level,
-        pickup_hz=pickup_hz,
-        changed=fit.changed,
-    )
-    drive = chosen.drive
-    if drive is not None:
-        drive = fit_drive(evidence, drive.ids)
-    return replace(chosen, fit=problem.fit(fit.searched), drive=drive)
+    rest = float(np.mean(whole**2)) + 1e-9
+    if verdict.sets:
+        # Where a part is explained, that says more of what is not the drive's.
+        shares = stage_shares(verdict)
+        if not everything.has_pressure:
+            return shares
+        beyond = max(1.0 - shares["drive"], 1e-9)
+        shares = {name: share / beyond * rest for name, share in shares.items()}
+    else:
+        sensor = 0.0
+        if everything.fixture is not None:
+            fixture = everything.fixture
+            sensor = max(float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2)), 0.0)
+        sensor = min(sensor, rest)
+        shares = {"actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
+    shares["drive"] = drive
+    total = sum(shares.values())
+    return {stage: shares[stage] / total for stage in STAGES}
 
 
 def _causes(

@@ -7,18 +7,22 @@ pressure, the calibrations' dwells or their drift, beyond what a right but forei
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.candidates import Candidates, Ids
+from spa_fo.gap.explain import COEFFICIENT_SPREAD, DISCREPANCY, GAIN, SCALES, to_z
 from spa_fo.gap.verdict import Scored, refit_probability
 
 Floats = NDArray[np.float64]
 
 # A right explanation leaves about these parts of the noise floor and of what it explains. Found
-# on campaigns of the virtual rig with seeds below 1000.
+# on campaigns of the virtual rig that judge nothing.
 _OF_FLOOR = 0.13
 _OF_EXPLAINED = 0.065
 # The plain physics with other coefficients is no foreign form: it leaves noise alone.
@@ -30,9 +34,9 @@ _OF_PRESSURE = 0.18
 _DRIFT_DEG, _OF_DRIFT = 0.22, 0.18
 # A trend counts where it moves the angle by this part of the floor and is so many errors large.
 _SWING, _CERTAIN, _FEWEST_TRIALS = 0.2, 4.2, 8
-_SHARPNESS = 4.0
-_MADE_UP = 0.6
-"""Weight of explanations that look made up of others, as a sign of neither."""
+_FAINT, _NO_SPREAD = 0.2, 0.02  # stresses, and spreads, below are all alike
+_WORTH_ASKING = 0.02  # probability of an explanation
+_HELPER = 0.5  # of what the largest effect moves: one that moves less is a helper
 KINDS: tuple[frozenset[str], ...] = (
     frozenset({"dead_time", "line_lag", "slew_limit"}),
     frozenset({"sensor_lag", "channel_latency", "sensor_creep", "sensor_hysteresis"}),
@@ -121,18 +125,92 @@ def unknown_probability(
     stress : Stress
         Of the most probable explanation.
     """
-    total = 0.0
-    for s in scored:
-        if s.probability < 0.02:
-            continue
-        loud = stress(s, candidates, floor_deg).largest[1]
-        own = loud**_SHARPNESS / (1.0 + loud**_SHARPNESS)
-        if _is_made_up(s.named):
-            own = max(own, _MADE_UP)
-        total += s.probability * own
+    total = sum(
+        s.probability * WEIGHTS.probability(signs(s, candidates, floor_deg))
+        for s in scored
+        if s.probability >= _WORTH_ASKING
+    )
     # Identified again, the plain model may do as well as any effect.
     total = 1.0 - (1.0 - total) * (1.0 - refit_probability(scored, candidates))
     return min(total, 0.999), stress(scored[0], candidates, floor_deg)
+
+
+def signs(scored: Scored, candidates: Candidates, floor_deg: float) -> dict[str, float]:
+    """List the signs that an explanation stands in for a cause that the library lacks.
+
+    Parameters
+    ----------
+    scored : Scored
+        The explanation.
+    candidates : Candidates
+        What was fitted.
+    floor_deg : float
+        The noise floor.
+
+    Returns
+    -------
+    dict
+        Sign -> a number of order one: logarithms, or 1 for yes.
+    """
+    named, fit = scored.named, scored.explanation.fit
+    left = {
+        name: float(np.log(max(value, _FAINT)))
+        for name, value in vars(stress(scored, candidates, floor_deg)).items()
+    }
+    sd = np.log(np.maximum(np.sqrt(fit.solution.variances) / SCALES, _NO_SPREAD))
+    moved = to_z(fit.x) - to_z(candidates.given)
+    near, free = (
+        float(np.mean((moved / COEFFICIENT_SPREAD[level]) ** 2)) for level in ("near", "free")
+    )
+    shifted = "parameter_shift" in named
+    held = bool(named) and not shifted and not candidates.own
+    # An interference that swells and fades asks for corrections of its own.
+    steady = "mains_pickup" not in named
+    sizes = sorted(scored.moved_deg[name] for name in named)
+    return {
+        **left,
+        "loudest": max(left.values()),
+        "nothing": float(not named),
+        "made_up": float(_is_made_up(named)),
+        "helper": float(len(sizes) > 1 and sizes[0] < _HELPER * sizes[-1]),
+        "shifted": float(shifted),
+        "own": float(candidates.own),
+        "moved": float(np.log(0.01 + near)) if held else 0.0,
+        "implausible": float(np.log1p(free)) if shifted and not candidates.own else 0.0,
+        "correction": float(sd[DISCREPANCY]) if named and steady else 0.0,
+        "uneven": float(sd[GAIN]) if steady else 0.0,
+    }
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Logistic regression on signs.
+
+    Attributes
+    ----------
+    intercept : float
+        Log odds with all signs 0.
+    by_sign : mapping
+        Sign -> what one unit of it adds to the log odds of an unknown cause.
+    """
+
+    intercept: float
+    by_sign: Mapping[str, float]
+
+    def probability(self, signs: Mapping[str, float]) -> float:
+        """Probability that an explanation with these signs stands in for something else."""
+        odds = self.intercept + sum(self.by_sign[name] * value for name, value in signs.items())
+        return float(1.0 / (1.0 + np.exp(-np.clip(odds, -50.0, 50.0))))
+
+
+def _learned() -> Weights:
+    text = files("spa_fo.gap").joinpath("unknown_weights.json").read_text(encoding="utf-8")
+    learned = json.loads(text)
+    return Weights(learned["intercept"], learned["weights"])
+
+
+WEIGHTS = _learned()
+"""Learned by ``benchmarks/learn_unknown.py``."""
 
 
 def _is_made_up(named: Ids) -> bool:

@@ -38,8 +38,8 @@ of the noise floor (RMS over all samples). The labels are sealed: their salted S
 `seals.txt` before the first diagnosis, every batch of diagnoses writes down the hash of that file
 before it begins, and the labels are opened only if all of it agrees.
 
-Thresholds of the diagnosis were frozen on other seeds: development used seeds below 1000, and this
-benchmark has seed {seed}.
+Thresholds and learned weights of the diagnosis were frozen before, on other seeds: those of
+development, and of benchmarks whose answers were open by then. This benchmark has seed {seed}.
 
 The counting is strict. Naming more than what is at work is a wrong name; an `unknown` that holds
 the truth as the explained part does not count as naming it; sets are counted in the answers that
