@@ -131,12 +131,12 @@ def _curves(candidates: Candidates, everything: Evidence, chosen: Explanation) -
     nothing = np.full_like(chosen.effects(), np.nan)
     plain, _ = chain.run(given, nothing)
     start = candidates.angles[((), candidates.loose)].searched
-    refit = AngleProblem(evidence, chain, given, (), candidates.loose).fit(start)
+    again = AngleProblem(evidence, chain, given, (), candidates.loose).fit(start)
     loose = replace(evidence, tolerance_deg=_FREE_FORM_DEG)
-    free_form = AngleProblem(loose, chain, given, (), candidates.loose).fit(refit.searched)
+    free_form = AngleProblem(loose, chain, given, (), candidates.loose).fit(again.searched)
     return {
         "plain": plain,
-        "refit": refit.predicted_deg,
+        "refit": again.predicted_deg,
         "ceiling": free_form.predicted_deg + free_form.discrepancy_deg,
         "explained": simulate(chosen, everything),
     }
