@@ -28,7 +28,7 @@ help:
 	@echo "make firmware    build the board's program, and a simulated board to run it on"
 	@echo "make firmware-tools   install what that needs (Debian, as root)"
 	@echo "make slurm-tools      install a Slurm to try the cluster's profile on (Debian, as root)"
-	@echo "make scale       cost against size, measured -> docs/scale.md (an hour, on a quiet machine)"
+	@echo "make scale       cost against size, measured -> docs/scale.md (two hours, on a quiet machine)"
 	@echo "make references  CITATION.cff -> docs/references.md"
 	@echo "make release     source archive and wheel -> dist/"
 	@echo "make browser     install what tests look at pages with (Debian, as root)"

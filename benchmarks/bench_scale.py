@@ -4,8 +4,8 @@
 
 Every study is made anew of small campaigns of the virtual rig, goes through the whole workflow at
 a reduced size (config below), and is thrown away. Kernels are compiled beforehand. Where Slurm is
-installed and one is root, one study goes through it as well: a job a step, and grouped. Takes an
-hour with a hundred campaigns, and means little on a machine that does other things besides.
+installed and one is root, one study goes through it as well: a job a step, and grouped. Takes
+two hours with a hundred campaigns, and means little on a machine that does other things besides.
 """
 
 from __future__ import annotations

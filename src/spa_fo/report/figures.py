@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from spa_fo.identify.uncertainty import LEVELS
 from spa_fo.report.style import (
@@ -241,7 +241,7 @@ QUANTITY_NAMES = {
     "b0": "$b_0$",
     "K": "$K = b_0/a_0$ (rad)",
 }
-_RISES = {f"{100 * level:g} %": float(chi2.ppf(level, 1)) for level in LEVELS}
+_RISES = {f"{100 * level:g} %": float(chdtri(1, 1.0 - level)) for level in LEVELS}
 _HIGHEST_RISE = 6.0
 
 
