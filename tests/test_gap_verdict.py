@@ -54,9 +54,20 @@ def test_stage_shares_weigh_by_square_and_probability():
 
 def test_what_does_not_beat_the_plain_model_is_left_out():
     every = [scored(("creep",), 0.8), scored(("leak",), 0.15), scored((), 0.05)]
-    kept = beating(every, {("creep",): 1.2, ("leak",): 0.5}, 1.0)
+    kept = beating(every, {("creep",): (1.2, 0.5), ("leak",): (0.5, 0.5)}, (1.0, 1.0))
     assert [s.named for s in kept] == [("leak",), ()]
     assert sum(s.probability for s in kept) == pytest.approx(1.0)
+
+
+def test_neither_on_held_out_trials_nor_on_all():
+    every = [scored(("creep",), 0.8), scored(("leak",), 0.15), scored((), 0.05)]
+    kept = beating(every, {("creep",): (0.5, 1.1), ("leak",): (0.5, 0.9)}, (1.0, 1.0))
+    assert [s.named for s in kept] == [("leak",), ()]
+
+
+def test_what_was_not_tried_stands():
+    every = [scored(("mains_pickup",), 0.8), scored((), 0.2)]
+    assert beating(every, {}, (1.0, 1.0)) == every
 
 
 def test_small_sets_come_first_and_lookalikes_last():

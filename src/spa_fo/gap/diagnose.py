@@ -316,21 +316,33 @@ def _tested(
     held: HeldOut,
     floor_deg: float,
 ) -> list[Scored]:
-    """Leave out what does not beat the plain model on trials that took no part.
+    """Leave out what does not beat the plain model.
 
-    Where these hardly show the gap, as late trials do not show softening, it is enough to predict
-    them as well as they repeat. A model that was fitted to this campaign has seen them: it is
-    identified again without.
+    Neither on trials that took no part: where these hardly show the gap, as late trials do not show
+    softening, it is enough to predict them as well as they repeat; a model that was fitted to this
+    campaign has seen them, and is identified again without. Nor on all trials as it was given.
     """
     where = judged(everything, held)
-    x = candidates.angles[((), "own")].x if candidates.own else candidates.given
-    plain, _ = angle_chain(everything, x, None).run(x, absent())
-    errors = {
-        s.named: rmse(everything, simulate(s.explanation, everything), where)
+    everywhere = np.ones_like(where)
+    known = unseen = _plain(everything, candidates.given)
+    if candidates.own:
+        unseen = _plain(everything, candidates.angles[((), "own")].x)
+    tried = {
+        s.named: simulate(s.explanation, everything)
         for s in scored
         if s.probability > _WORTH_TESTING and not _BY_CHANCE & set(s.named)
     }
-    return beating(scored, errors, max(rmse(everything, plain, where), _AS_REPEATED * floor_deg))
+    errors = {
+        named: (rmse(everything, curve, where), rmse(everything, curve, everywhere))
+        for named, curve in tried.items()
+    }
+    as_repeated = max(rmse(everything, unseen, where), _AS_REPEATED * floor_deg)
+    return beating(scored, errors, (as_repeated, rmse(everything, known, everywhere)))
+
+
+def _plain(everything: Evidence, x: Floats) -> Floats:
+    """Predict all averaged samples by the plain model with coefficients `x`, deg."""
+    return angle_chain(everything, x, None).run(x, absent())[0]
 
 
 def _verdict(scored: Sequence[Scored], unknown: float) -> Verdict:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
@@ -217,19 +217,28 @@ def _fixture_leftover(evidence: Evidence, explanation: Explanation) -> float:
     return float(np.sqrt(max(float(np.mean(missed**2 - fixture.sigma_deg**2)), 0.0)))
 
 
-def beating(scored: Sequence[Scored], errors: dict[Ids, float], plain: float) -> list[Scored]:
-    """Leave out explanations that predict held-out trials worse than need be.
+def beating(
+    scored: Sequence[Scored],
+    errors: Mapping[Ids, tuple[float, float]],
+    limits: tuple[float, float],
+) -> list[Scored]:
+    """Leave out explanations that predict worse than need be.
 
     Parameters
     ----------
     scored : sequence of Scored
         All explanations.
-    errors : dict
-        Held-out RMS errors of those that were tried, deg.
-    plain : float
-        What they must stay below, deg.
+    errors : mapping
+        RMS errors of those that were tried, deg: on held-out trials, and on all.
+    limits : (float, float)
+        What both must stay below, deg.
     """
-    kept = [s for s in scored if not s.named or errors.get(s.named, -1.0) < plain]
+    kept = [
+        s
+        for s in scored
+        if not s.named
+        or all(own < most for own, most in zip(errors.get(s.named, ()), limits, strict=False))
+    ]
     total = sum(s.probability for s in kept)
     if total <= 0.0:
         return list(scored)
