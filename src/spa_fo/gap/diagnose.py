@@ -407,11 +407,13 @@ def _causes(
 ) -> tuple[Cause, ...]:
     named = 1.0 - verdict.unknown
     where, orders = judged(everything, held), everything.grid.orders
+    plain_error = rmse(everything, plain_deg, where)
     causes = []
     for rank, s in enumerate(verdict.scored):
         e = s.explanation
-        tried = rank < _RUNGS or not s.named
-        error = rmse(everything, simulate(e, everything), where) if tried else None
+        error = None if s.named else plain_error
+        if s.named and rank < _RUNGS:
+            error = rmse(everything, simulate(e, everything), where)
         x = dict(zip(PARAMETERS, e.fit.x.tolist(), strict=True))
         causes.append(
             Cause(
@@ -429,8 +431,7 @@ def _causes(
         )
     known = {cause.set for cause in causes}
     if ("none",) not in known:
-        error = rmse(everything, plain_deg, where)
-        causes.append(Cause(("none",), 0.0, {}, {}, held_out_rmse_deg=error))
+        causes.append(Cause(("none",), 0.0, {}, {}, held_out_rmse_deg=plain_error))
     causes += [
         Cause((name,), 0.0, {}, {})
         for name in IDS

@@ -410,14 +410,14 @@ def probability_of(causes: Sequence[Cause], name: str) -> float:
 
 def plain_held_out(diagnosis: Diagnosis) -> float | None:
     """RMSE of the plain model on the held-out trials, deg; None where it was not computed."""
-    if diagnosis.shrink is not None:
-        return diagnosis.shrink.before_rmse_deg
     none = [cause for cause in diagnosis.causes if cause.set == ("none",)]
     return none[0].held_out_rmse_deg if none else None
 
 
 def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
-    shrink, causes = diagnosis.shrink, diagnosis.causes
+    causes = diagnosis.causes
+    # With an unknown cause the shrink is measured on more trials than the explanations are.
+    shrink = None if diagnosis.kind == "unknown" else diagnosis.shrink
     before = plain_held_out(diagnosis)
     held_out = before is not None
     if not held_out:
