@@ -422,6 +422,28 @@ def page(
     )
 
 
+def write(
+    docs: Path,
+    runs: Sequence[Run],
+    steps: Sequence[Step],
+    fits: Sequence[tuple[int, int, float]],
+    command: str,
+    reason: str,
+) -> None:
+    """Write the page, its figure and the figure's numbers."""
+    table = io.StringIO()
+    writer = csv.DictWriter(table, [*asdict(runs[0]), "overhead_s"], lineterminator="\n")
+    writer.writeheader()
+    for run in runs:
+        writer.writerow(asdict(run) | {"overhead_s": round(run.overhead_s, 3)})
+    write_text(docs / "scale" / "cost.csv", table.getvalue())
+    figure = cost_figure(runs)
+    mark_provenance(figure, PROVENANCE)
+    with replacing(docs / "scale" / "cost.png") as temporary:
+        figure.savefig(temporary, metadata={"Software": None})
+    write_text(docs / "scale.md", page(runs, steps, fits, command, reason))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("docs", type=Path, help="gets scale.md and scale/")
@@ -437,7 +459,15 @@ def main() -> None:
     command = given.command or f"python {' '.join(sys.argv)}"
     runs: list[Run] = []
     steps: list[Step] = []
-    reason = "switched off"
+    reason = "not reached" if given.slurm else "switched off"
+    fits = bootstraps(given.bootstraps, given.processors)
+
+    def keep(run: Run) -> None:
+        """Write the page anew after each run: what is stopped keeps what it has."""
+        print(run, flush=True)
+        runs.append(run)
+        write(given.docs, runs, steps, fits, command, reason)
+
     with tempfile.TemporaryDirectory() as scratch:
         for campaigns in given.campaigns:
             folder = Path(scratch) / str(campaigns)
@@ -446,33 +476,19 @@ def main() -> None:
                 local_run(folder, campaigns, max(given.processors))  # compiles the kernels
             for processors in given.processors:
                 run, measured = local_run(folder, campaigns, processors)
-                print(run, flush=True)
-                runs.append(run)
                 steps += measured
+                keep(run)
         if given.slurm:
             folder = Path(scratch) / "slurm"
             make_study(folder, given.slurm)
             try:
                 find_programs()
                 for grouped in (0, *given.groups):
-                    runs.append(slurm_run(folder, given.slurm, grouped))
-                    print(runs[-1], flush=True)
+                    keep(slurm_run(folder, given.slurm, grouped))
             except NoCluster as found:
                 reason = str(found)
                 print(f"without Slurm: {reason}", flush=True)
-    fits = bootstraps(given.bootstraps, given.processors)
-    out = given.docs / "scale"
-    table = io.StringIO()
-    writer = csv.DictWriter(table, [*asdict(runs[0]), "overhead_s"], lineterminator="\n")
-    writer.writeheader()
-    for run in runs:
-        writer.writerow(asdict(run) | {"overhead_s": round(run.overhead_s, 3)})
-    write_text(out / "cost.csv", table.getvalue())
-    figure = cost_figure(runs)
-    mark_provenance(figure, PROVENANCE)
-    with replacing(out / "cost.png") as temporary:
-        figure.savefig(temporary, metadata={"Software": None})
-    write_text(given.docs / "scale.md", page(runs, steps, fits, command, reason))
+                write(given.docs, runs, steps, fits, command, reason)
 
 
 if __name__ == "__main__":
