@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +22,13 @@ from spa_fo.gap.diagnosis import (
 )
 from spa_fo.gap.evidence import Evidence, angle_chain, collect
 from spa_fo.gap.explanation import Explanation, augmented_model, simulate
+from spa_fo.gap.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse
 from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
 from spa_fo.gap.plan import next_experiment
-from spa_fo.gap.unknown import Stress, unknown_probability
+from spa_fo.gap.unknown import unknown_probability
 from spa_fo.gap.verdict import Scored, Verdict, beating, judge, stage_shares, weigh
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
@@ -42,12 +42,10 @@ Progress = Callable[[str], None]
 COMMONEST = "hysteresis"
 """What one hears most often about soft actuators: a baseline that always answers so."""
 _SAME_MODEL = 0.01  # of the static gain: two step responses nearer than that are one model
-_PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing worth saying
 _BY_CHANCE = {"mains_pickup", "sensor_slip"}  # phases and jumps that nobody can foretell
 _AS_REPEATED = 1.15  # noise floors
 _DOUBTED = 1.0 / 3.0  # probability of no gap: a gap is claimed where it is twice as probable
 _WORTH_TESTING = 0.01  # probability from which an explanation's predictions are tried
-_RUNGS = 6  # explanations whose held-out error is computed
 
 
 def _silent(step: str) -> None:
@@ -164,10 +162,9 @@ def diagnose(
     unknown, stress = unknown_probability(scored, candidates, floor)
     verdict = _verdict(scored, unknown)
 
-    progress(f"predicting the held-out trials ({held.text})")
-    chosen = _chosen(verdict)
-    claimed = claim(candidates, everything, held, verdict, chosen, floor, rng)
-    curves, shrunk, held_out = claimed.curves, claimed.shrink, claimed.held
+    progress("predicting trials by fits that have not seen them")
+    claimed = claim(candidates, everything, held, verdict, floor, rng)
+    curves, shrunk = claimed.curves, claimed.shrink
     if shrunk is None:
         verdict = replace(verdict, sets=())
 
@@ -175,7 +172,7 @@ def diagnose(
     if explained:
         progress("fitting the explanation once more, to all trials")
     every = replace(candidates.evidence, takes_part=np.ones_like(held.trials))
-    final = refit(candidates, every, chosen) if explained else None
+    final = refit(candidates, every, _chosen(verdict)) if explained else None
     if not explained:
         curves["explained"] = curves["plain"]
     model = plain
@@ -184,8 +181,8 @@ def diagnose(
         model = replace(model, extra={**model.extra, "memory": ending_memory(model, data)})
     located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
     everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
-    causes = _causes(candidates, everything, held, verdict, curves["plain"])
-    misses = _misses(everything)
+    causes = _causes(candidates, everything, verdict, claimed.errors)
+    missing = misses(everything)
     progress("looking for the experiment that would decide")
     return Diagnosis(
         campaign=data.campaign.name,
@@ -203,16 +200,16 @@ def diagnose(
         causes=causes,
         kind=verdict.kind,
         sets=verdict.sets,
-        next_experiment=_next(verdict, causes, everything, floor, misses),
+        next_experiment=_next(verdict, causes, everything, floor, missing),
         shrink=shrunk,
-        offers=_offers(everything),
-        misses=misses,
+        offers=offers(everything),
+        misses=missing,
         findings=(
-            *_findings(stress, unknown, own, verdict),
-            *_drive_finding(candidates, everything, held),
+            *findings(stress, unknown, own, verdict),
+            *drive_finding(candidates, everything, held),
         ),
         baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
-        traces=_traces(everything, held_out, curves, final),
+        traces=_traces(everything, claimed.held, curves, final),
         model=model,
     )
 
@@ -401,37 +398,31 @@ def _stages(
 def _causes(
     candidates: Candidates,
     everything: Evidence,
-    held: HeldOut,
     verdict: Verdict,
-    plain_deg: Floats,
+    errors: Mapping[Ids, float],
 ) -> tuple[Cause, ...]:
-    named = 1.0 - verdict.unknown
-    where, orders = judged(everything, held), everything.grid.orders
-    plain_error = rmse(everything, plain_deg, where)
+    certain, orders = 1.0 - verdict.unknown, everything.grid.orders
     causes = []
-    for rank, s in enumerate(verdict.scored):
+    for s in verdict.scored:
         e = s.explanation
-        error = None if s.named else plain_error
-        if s.named and rank < _RUNGS:
-            error = rmse(everything, simulate(e, everything), where)
         x = dict(zip(PARAMETERS, e.fit.x.tolist(), strict=True))
         causes.append(
             Cause(
                 set=s.named or ("none",),
-                probability=named * s.probability,
+                probability=certain * s.probability,
                 parameters={
                     name: own
                     for name, own in with_intervals(e, candidates.given, orders).items()
                     if name in s.named
                 },
                 transfer_function=x,
-                held_out_rmse_deg=error,
+                held_out_rmse_deg=errors.get(s.named),
                 leftover_deg=s.leftover_deg,
             )
         )
     known = {cause.set for cause in causes}
     if ("none",) not in known:
-        causes.append(Cause(("none",), 0.0, {}, {}, held_out_rmse_deg=plain_error))
+        causes.append(Cause(("none",), 0.0, {}, {}, held_out_rmse_deg=errors[()]))
     causes += [
         Cause((name,), 0.0, {}, {})
         for name in IDS
@@ -484,102 +475,6 @@ def _next(
         misses,
     )
     return text
-
-
-def _offers(evidence: Evidence) -> tuple[str, ...]:
-    trials = evidence.grid.trials
-    protocols = list(dict.fromkeys(trial.protocol for trial in trials))
-    found = [f"{len(trials)} trials: {', '.join(protocols)}"]
-    if evidence.has_pressure:
-        found.append("measured pressure, which tells the drive from the actuator")
-    if len(evidence.data.calibrations) > 1:
-        found.append("calibrations before and after, which show the sensor's own drift")
-    if evidence.fixture is not None:
-        found.append("calibration dwells, which show the sensor's own lag, creep and hysteresis")
-    return tuple(found)
-
-
-def _misses(evidence: Evidence) -> tuple[str, ...]:
-    trials = evidence.grid.trials
-    protocols = {trial.protocol for trial in trials}
-    missing = []
-    if not evidence.has_pressure:
-        missing.append("measured pressure: drive and actuator cannot be told apart by it")
-    if protocols <= {"step"}:
-        missing.append("release: hysteresis, play and creep hardly show in up-steps")
-    if not protocols & {"staircase", "triangle", "free"}:
-        missing.append("a staircase or triangle: amplitude and direction show together there")
-    if "hold" not in protocols:
-        missing.append("a long hold: creep, leak and droop show there")
-    if len(evidence.data.calibrations) < 2:
-        missing.append("a calibration afterwards: slip and drift of the sensor")
-    if evidence.fixture is None:
-        missing.append("a calibration log: the sensor cannot be told from the actuator")
-    if np.unique([index[0] for index in evidence.support_index]).size == len(trials):
-        missing.append("repeated trials: without them the noise floor is that of single samples")
-    orders = [trial.experiment for trial in trials]
-    blocks = sum(a != b for a, b in pairwise(orders)) + 1
-    if len(set(orders)) > 1 and blocks == len(set(orders)):
-        missing.append("interleaved order: drift and amplitude go together in blocks")
-    return tuple(missing)
-
-
-def _drive_finding(candidates: Candidates, everything: Evidence, held: HeldOut) -> tuple[str, ...]:
-    """Say what the measured pressure tells of the drive, whatever the angle says."""
-    fit = candidates.drive
-    if fit is None or not fit.ids:
-        return ()
-    where = judged(everything, held)
-    before, after = (
-        float(np.sqrt(np.mean(each.residual_kpa[where] ** 2)))
-        for each in (candidates.drives[()], fit)
-    )
-    if after > _PRESSURE_EXPLAINED * before:
-        return ()
-    effects = " + ".join(
-        f"{name} ({', '.join(_values(name, fit.effects[LIBRARY[name].slots]))})" for name in fit.ids
-    )
-    return (
-        f"The measured pressure by itself: {effects} takes what the command misses of it on the "
-        f"held-out trials from {before:.3g} to {after:.3g} kPa.",
-    )
-
-
-def _values(name: str, values: Floats) -> list[str]:
-    return [
-        f"{parameter.name} {value:.3g}"
-        for parameter, value in zip(LIBRARY[name].parameters, values, strict=True)
-    ]
-
-
-def _findings(stress: Stress, unknown: float, own: bool, verdict: Verdict) -> tuple[str, ...]:
-    found = []
-    kind, loud = stress.largest
-    names = {
-        "angle": "the angle repeats from trial to trial",
-        "fixture": "the calibration's dwells show",
-        "pressure": "the measured pressure shows",
-        "drift": "the later calibration shows",
-        "trials": "the trials' own gain or rest angle shows, going with their order",
-    }
-    if unknown > 0.5 and not verdict.best.named:
-        found.append("No explanation of the library holds on the trials that took no part.")
-    elif unknown > 0.5:
-        found.append(
-            f"The best explanation leaves what {names[kind]}: {loud:.1f} times as much as a right "
-            "one would."
-        )
-    elif verdict.kind != "no_gap":
-        found.append(
-            f"What the best explanation leaves is {loud:.2f} of what would speak for an unknown "
-            f"cause (loudest where {names[kind]} it)."
-        )
-    if own:
-        found.append(
-            "The model was fitted to this campaign, so its coefficients have bent with the gap: "
-            "they were free in every explanation, and a shift of parameters cannot be told."
-        )
-    return tuple(found)
 
 
 def _traces(

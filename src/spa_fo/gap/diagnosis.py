@@ -99,9 +99,9 @@ class Traces:
     trial : (n,) array
         Index of the trial.
     time_s, command_kpa, measured_deg, plain_deg, explained_deg, refit_deg : (n,) arrays
-        Within the trial. `explained_deg` is the augmented model's prediction from the command,
-        the plain model's where nothing is explained; `refit_deg` the plain model's identified
-        again.
+        Within the trial. `explained_deg` is the explanation's prediction from the command, the
+        plain model's where nothing is explained; `refit_deg` the plain model's identified again;
+        both, of a held-out trial, by a fit that had not seen it.
     pressure_kpa, drive_kpa : (n,) arrays or None
         Measured, and as the explanation's drive makes it.
     held_out : (trials,) bool array

@@ -36,7 +36,7 @@ _DRIFT_DEG, _OF_DRIFT = 0.22, 0.18
 _SWING, _CERTAIN, _FEWEST_TRIALS = 0.2, 4.2, 8
 _FAINT, _NO_SPREAD = 0.2, 0.02  # stresses, and spreads, below are all alike
 _WORTH_ASKING = 0.02  # probability of an explanation
-_HELPER = 0.5  # of what one effect moves: a second that moves less is a helper
+_NO_HELP = 0.1  # of what one effect moves: seconds that move less are all alike
 KINDS: tuple[frozenset[str], ...] = (
     frozenset({"dead_time", "line_lag", "slew_limit"}),
     frozenset({"sensor_lag", "channel_latency", "sensor_creep", "sensor_hysteresis"}),
@@ -167,12 +167,14 @@ def signs(scored: Scored, candidates: Candidates, floor_deg: float) -> dict[str,
     # An interference that swells and fades asks for corrections of its own.
     steady = "mains_pickup" not in named
     sizes = sorted(scored.moved_deg[name] for name in named)
+    # Only of two can one be a helper: sets of three and more are what real campaigns have.
+    part = max(sizes[0] / sizes[1], _NO_HELP) if len(sizes) == 2 else 1.0
     return {
         **left,
         "loudest": max(left.values()),
         "nothing": float(not named),
         "made_up": float(_is_made_up(named)),
-        "helper": float(len(sizes) == 2 and sizes[0] < _HELPER * sizes[1]),
+        "helper": float(-np.log(part)),
         "shifted": float(shifted),
         "own": float(candidates.own),
         "moved": float(np.log(0.01 + near)) if held else 0.0,

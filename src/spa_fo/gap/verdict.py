@@ -120,11 +120,16 @@ def log_prior(ids: Ids) -> float:
     return float(_LOG_PAIR + _LOG_FURTHER * (len(ids) - 2) + shifted + _LOG_ALIKE * alike)
 
 
+def log_weight(explanation: Explanation) -> float:
+    """Logarithm of an explanation's probability, but for what all have in common."""
+    return float(TEMPER * explanation.log_evidence + log_prior(explanation.ids))
+
+
 def weigh(candidates: Candidates, floor_deg: float) -> list[Scored]:
     """Give every explanation its probability."""
     evidence = candidates.evidence
     whole = combined(candidates)
-    score = {e.ids: TEMPER * e.log_evidence + log_prior(e.ids) for e in whole}
+    score = {e.ids: log_weight(e) for e in whole}
     best = max(score.values())
     near = [e for e in whole if score[e.ids] > best - TEMPER * _SHORTLIST or not e.ids]
     moved = {e.ids: moved_by(e, candidates) for e in near}
@@ -171,7 +176,7 @@ def refit_probability(scored: Sequence[Scored], candidates: Candidates) -> float
     evidence += drive.log_evidence if drive is not None else 0.0
     refit = TEMPER * evidence + log_prior(("parameter_shift",))
     best = scored[0]
-    score = TEMPER * best.explanation.log_evidence + log_prior(best.explanation.ids)
+    score = log_weight(best.explanation)
     odds = np.exp(np.clip(score - refit, -50.0, 50.0)) / best.probability
     return float(1.0 / (1.0 + odds))
 

@@ -416,8 +416,7 @@ def plain_held_out(diagnosis: Diagnosis) -> float | None:
 
 def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
     causes = diagnosis.causes
-    # With an unknown cause the shrink is measured on more trials than the explanations are.
-    shrink = None if diagnosis.kind == "unknown" else diagnosis.shrink
+    shrink = diagnosis.shrink
     before = plain_held_out(diagnosis)
     held_out = before is not None
     if not held_out:

@@ -1,0 +1,130 @@
+"""What to say of a campaign and of its diagnosis besides the verdict: sentences for the report."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.candidates import Candidates
+from spa_fo.gap.evidence import Evidence
+from spa_fo.gap.hold_out import HeldOut, judged
+from spa_fo.gap.unknown import Stress
+from spa_fo.gap.verdict import Verdict
+from spa_fo.plant.effects.library import LIBRARY
+
+Floats = NDArray[np.float64]
+
+_PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing worth saying
+
+
+def offers(evidence: Evidence) -> tuple[str, ...]:
+    """Say what a campaign holds that tells causes apart."""
+    trials = evidence.grid.trials
+    protocols = list(dict.fromkeys(trial.protocol for trial in trials))
+    found = [f"{len(trials)} trials: {', '.join(protocols)}"]
+    if evidence.has_pressure:
+        found.append("measured pressure, which tells the drive from the actuator")
+    if len(evidence.data.calibrations) > 1:
+        found.append("calibrations before and after, which show the sensor's own drift")
+    if evidence.fixture is not None:
+        found.append("calibration dwells, which show the sensor's own lag, creep and hysteresis")
+    return tuple(found)
+
+
+def misses(evidence: Evidence) -> tuple[str, ...]:
+    """Say what a campaign lacks that would tell causes apart."""
+    trials = evidence.grid.trials
+    protocols = {trial.protocol for trial in trials}
+    missing = []
+    if not evidence.has_pressure:
+        missing.append("measured pressure: drive and actuator cannot be told apart by it")
+    if protocols <= {"step"}:
+        missing.append("release: hysteresis, play and creep hardly show in up-steps")
+    if not protocols & {"staircase", "triangle", "free"}:
+        missing.append("a staircase or triangle: amplitude and direction show together there")
+    if "hold" not in protocols:
+        missing.append("a long hold: creep, leak and droop show there")
+    if len(evidence.data.calibrations) < 2:
+        missing.append("a calibration afterwards: slip and drift of the sensor")
+    if evidence.fixture is None:
+        missing.append("a calibration log: the sensor cannot be told from the actuator")
+    if np.unique([index[0] for index in evidence.support_index]).size == len(trials):
+        missing.append("repeated trials: without them the noise floor is that of single samples")
+    orders = [trial.experiment for trial in trials]
+    blocks = sum(a != b for a, b in pairwise(orders)) + 1
+    if len(set(orders)) > 1 and blocks == len(set(orders)):
+        missing.append("interleaved order: drift and amplitude go together in blocks")
+    return tuple(missing)
+
+
+def drive_finding(candidates: Candidates, everything: Evidence, held: HeldOut) -> tuple[str, ...]:
+    """Say what the measured pressure tells of the drive, whatever the angle says."""
+    fit = candidates.drive
+    if fit is None or not fit.ids:
+        return ()
+    where = judged(everything, held)
+    before, after = (
+        float(np.sqrt(np.mean(each.residual_kpa[where] ** 2)))
+        for each in (candidates.drives[()], fit)
+    )
+    if after > _PRESSURE_EXPLAINED * before:
+        return ()
+    effects = " + ".join(
+        f"{name} ({', '.join(_values(name, fit.effects[LIBRARY[name].slots]))})" for name in fit.ids
+    )
+    return (
+        f"The measured pressure by itself: {effects} takes what the command misses of it on the "
+        f"held-out trials from {before:.3g} to {after:.3g} kPa.",
+    )
+
+
+def _values(name: str, values: Floats) -> list[str]:
+    return [
+        f"{parameter.name} {value:.3g}"
+        for parameter, value in zip(LIBRARY[name].parameters, values, strict=True)
+    ]
+
+
+def findings(stress: Stress, unknown: float, own: bool, verdict: Verdict) -> tuple[str, ...]:
+    """Say how sure the answer is.
+
+    Parameters
+    ----------
+    stress : Stress
+        What the best explanation leaves.
+    unknown : float
+        Probability that the library lacks the cause.
+    own : bool
+        Whether the model was fitted to this campaign.
+    verdict : Verdict
+        The answer.
+    """
+    found = []
+    kind, loud = stress.largest
+    names = {
+        "angle": "the angle repeats from trial to trial",
+        "fixture": "the calibration's dwells show",
+        "pressure": "the measured pressure shows",
+        "drift": "the later calibration shows",
+        "trials": "the trials' own gain or rest angle shows, going with their order",
+    }
+    if unknown > 0.5 and not verdict.best.named:
+        found.append("No explanation of the library holds on the trials that took no part.")
+    elif unknown > 0.5:
+        found.append(
+            f"The best explanation leaves what {names[kind]}: {loud:.1f} times as much as a right "
+            "one would."
+        )
+    elif verdict.kind != "no_gap":
+        found.append(
+            f"What the best explanation leaves is {loud:.2f} of what would speak for an unknown "
+            f"cause (loudest where {names[kind]} it)."
+        )
+    if own:
+        found.append(
+            "The model was fitted to this campaign, so its coefficients have bent with the gap: "
+            "they were free in every explanation, and a shift of parameters cannot be told."
+        )
+    return tuple(found)
