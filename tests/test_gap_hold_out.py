@@ -99,7 +99,7 @@ def test_every_repeated_trial_is_left_out_once_and_the_first_never(
     rng = np.random.default_rng(seed)
     first = hold_out(evidence, rng)
     folds = in_turn(evidence, first, rng)
-    assert len(folds) <= 6
+    assert len(folds) <= 4
     assert (folds[0] == first.trials).all()
     assert all(fold.any() for fold in folds[1:])
     times_out = np.sum(folds, axis=0)
@@ -112,7 +112,7 @@ def test_folds_hold_about_as_many_trials_of_each_experiment() -> None:
     evidence = campaign(list("aaaaaaabbbbbbb"))
     rng = np.random.default_rng(3)
     folds = in_turn(evidence, hold_out(evidence, rng), rng)
-    assert [(fold[:7].sum(), fold[7:].sum()) for fold in folds] == [(1, 1)] * 6
+    assert [(fold[:7].sum(), fold[7:].sum()) for fold in folds] == [(1, 1), (2, 2), (2, 2), (1, 1)]
 
 
 def test_the_last_trials_are_those_of_the_largest_order() -> None:

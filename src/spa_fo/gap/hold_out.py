@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 Trials = NDArray[np.bool_]
 
 _MOST = 0.3  # of the trials
-_MOST_FOLDS = 6
+_MOST_FOLDS = 4
 _DRAWS = 2000
 _LEAST_HALF_WIDTH = 0.1  # the floor itself is known from few trials
 _HARDLY = 0.3  # noise floors
