@@ -61,6 +61,8 @@ CONFIG = {
     "identify": {"swarm": {"particles": 50}, "swarm_seeds": 2, "bootstrap": 40},
     "ablation": {"points": [20], "outliers": [0.0]},
 }
+# As docs/cluster.md tells those who run hundreds of campaigns on one machine.
+LARGE, FOR_LARGE = 50, ("--max-jobs-per-timespan", "1000/10s")
 STEPS = ("raw_to_angle", "identify", "diagnose", "ablation", "figures", "publish")
 LOCAL, SINGLE = "this machine", "Slurm, a job a step"
 
@@ -170,7 +172,8 @@ def measured_steps(folder: Path, campaigns: int, said: str) -> list[Step]:
 def local_run(folder: Path, campaigns: int, processors: int) -> tuple[Run, list[Step]]:
     clean(folder)
     start = time.perf_counter()
-    said = snakemake(folder, "--cores", str(processors))
+    options = FOR_LARGE if campaigns >= LARGE else ()
+    said = snakemake(folder, "--cores", str(processors), *options)
     wall = time.perf_counter() - start
     steps = measured_steps(folder, campaigns, said)
     inside = sum(step.seconds for step in steps)
@@ -321,7 +324,8 @@ Kernels are compiled beforehand. A step had {share:.0%} of a processor while it 
 *Inside* is the time within the steps' own processes, summed; *held* the processor time that the
 study occupied: all processors all the time on this machine, with Slurm those of each job while it
 ran. The difference, *overhead*, is the start of jobs and of Snakemake, and processors that wait for
-the last step.
+the last step. From {large} campaigns on Snakemake is told to look at what waits less often
+(`{for_large}`), as [cluster.md](cluster.md) advises.
 
 ## Slurm: a job a step, and grouped
 
@@ -412,6 +416,8 @@ def page(
         processors=os.cpu_count(),
         trials=len(TRIALS),
         config=yaml.safe_dump(CONFIG, sort_keys=False),
+        large=LARGE,
+        for_large=" ".join(FOR_LARGE),
         share=sum(step.processor_s for step in steps) / sum(step.seconds for step in steps),
         runs=markdown(table),
         slurm=slurm_words(runs, reason),
