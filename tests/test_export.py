@@ -163,6 +163,24 @@ def test_the_default_band_holds_the_models_time_scales(name: str) -> None:
     assert sampled.high <= band.high
 
 
+def test_a_small_order_leaves_a_band_that_can_be_approximated() -> None:
+    for alpha1, a1 in ((0.2, 5.0), (0.2, 7.0), (0.02, 1.5), (0.01, 0.5)):
+        g = TransferFunction(1.4, alpha1, a1, 1.0, 0.9)
+        for interval in (None, 0.02):
+            band = default_band(g, interval)
+            assert band.low < 1.0 < band.high
+            assert approximate(g, "oustaloup", band).rational.states > 0
+
+
+def test_a_wide_band_is_approximated_no_further_than_it_may_be() -> None:
+    band = Band(1e-4, 1e4)
+    reach = band.widened(10.0)
+    assert reach.low < band.low
+    assert band.high < reach.high <= 1e9 * reach.low
+    widest = Band(1e-4, 1e5)
+    assert widest.widened(10.0) == widest
+
+
 def test_bands_and_orders_that_are_none() -> None:
     for ends in ((1.0, 1.0), (0.0, 1.0), (2.0, 1.0), (1e-9, 1e9)):
         with pytest.raises(ValueError, match="expected"):

@@ -80,6 +80,13 @@ def test_a_step_from_a_pressure_above_zero_counts_its_rise() -> None:
     assert data.u.tolist() == pytest.approx([20.0 / 30.0])
 
 
+def test_the_angle_of_the_pressure_before_is_no_part_of_the_rise() -> None:
+    command = 10.0 + step_command(before=3000, kpa=20.0)  # at rest by then, 10 kPa up
+    data = step_data([trial(command)], 30.0)
+    expected = data.u[:, np.newaxis] * step_response(data.t, *TRUTH)
+    np.testing.assert_allclose(data.angle_rad, expected, atol=2e-3)
+
+
 def test_samples_after_a_reset_are_not_used() -> None:
     trials = campaign(2)
     reset = trials[0].t_s > 5.0

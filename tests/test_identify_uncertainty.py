@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from identify_cases import TRUTH, steps
 from spa_fo.fractional import step_response
@@ -59,6 +60,20 @@ def test_profiles_touch_zero_at_the_optimum_and_hold_it(assessed: Uncertainty) -
         assert profile.rise[np.argmin(np.abs(profile.values - profile.estimate))] < 1e-3
         assert profile.low_95 <= profile.low_68 <= profile.estimate
         assert profile.estimate <= profile.high_68 <= profile.high_95
+
+
+def test_closed_intervals_end_where_chi_square_says(assessed: Uncertainty) -> None:
+    ends = 0
+    for p in assessed.profiles:
+        for level, low, high in ((0.68, p.low_68, p.high_68), (0.95, p.low_95, p.high_95)):
+            closed = [(low, p.open_low), (high, p.open_high)]
+            for end in (end for end, is_open in closed if not is_open):
+                if end in (p.values[0], p.values[-1]):
+                    continue
+                rise = np.interp(end, p.values, np.sqrt(p.rise)) ** 2
+                assert rise == pytest.approx(chi2.ppf(level, 1), rel=0.05)
+                ends += 1
+    assert ends >= 4
 
 
 def test_an_open_interval_ends_at_the_bounds(assessed: Uncertainty) -> None:

@@ -12,6 +12,7 @@ from spa_fo.fractional import simulate, step_response
 from spa_fo.identify import Bounds, fit_whole_logs, free_bounds, log_data, widened_bounds
 from spa_fo.identify.moderate import moderate_optimum
 from spa_fo.identify.whole_log import SAMPLE_LIMIT, LogData, log_errors
+from spa_fo.plant import PARAMETERS
 from spa_fo.rig import Trial
 
 STAIRS = np.repeat([0.0, 15.0, 30.0, 20.0, 0.0], 200)
@@ -158,6 +159,19 @@ def test_errors_are_those_of_logs_not_of_samples() -> None:
     assert errors[5] == pytest.approx(expected, rel=0.05)
     # The logs differ in gain alone, by 7 %; the rest varies within the flat valley of the fit.
     assert np.all(errors[:4] < 0.02 * found.x[:4])
+
+
+def test_a_parameter_on_its_bound_has_no_error() -> None:
+    logs = [
+        log_data([trial(STAIRS[:500], 25.0, noise_deg=0.3, order=k)], 30.0)[0] for k in (1, 2, 3)
+    ]
+    found = fit_whole_logs(logs, free_bounds(1.4))
+    on_bounds = {mark.split()[0] for mark in found.at_bounds}
+    assert "alpha1" in on_bounds
+    errors = log_errors(logs, found)
+    assert errors is not None
+    known = dict(zip((*PARAMETERS, "K"), np.isfinite(errors), strict=True))
+    assert known == {name: name not in on_bounds for name in known}
 
 
 def test_a_single_log_tells_no_errors() -> None:

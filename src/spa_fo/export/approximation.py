@@ -21,6 +21,7 @@ _MARGIN = {"fitted": 3.0, "oustaloup": 10.0}
 _DECADES = 100.0  # the band beyond the model's own time scales, a factor
 _LEAST = 3.0  # what the sampling rate leaves of it at the least
 _WIDEST = 1e9
+_APART = 300.0  # of the model's two time scales, at most
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,9 @@ class Band:
             raise ValueError(f"expected at most nine decades, not {self.low:g} to {self.high:g}")
 
     def widened(self, factor: float) -> Band:
-        """Return the band with both ends moved outwards by a factor."""
-        return Band(self.low / factor, self.high * factor)
+        """Return the band with both ends moved outwards by a factor, as far as it may be wide."""
+        factor = min(factor, math.sqrt(0.999 * _WIDEST * self.low / self.high))
+        return Band(self.low / factor, self.high * factor) if factor > 1.0 else self
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,8 @@ def default_band(g: TransferFunction, sample_time_s: float | None = None) -> Ban
 
     The terms of the denominator weigh alike at a0^(1/α2) and (a0/a1)^(1/α1); the band goes two
     decades beyond both, and at its upper end no further than half the sampling rate (but at
-    least half a decade beyond the faster scale).
+    least half a decade beyond the faster scale). The second counts as 300 times from the first at
+    most: with a small α1 it lies where nothing was ever measured.
 
     Parameters
     ----------
@@ -89,7 +92,10 @@ def default_band(g: TransferFunction, sample_time_s: float | None = None) -> Ban
     sample_time_s : float, optional
         Of the logs it was identified from, or of the filter that is to be made.
     """
-    scales = (g.a0 ** (1.0 / g.alpha2), (g.a0 / g.a1) ** (1.0 / g.alpha1))
+    first = math.log(g.a0) / g.alpha2
+    second = (math.log(g.a0) - math.log(g.a1)) / g.alpha1
+    second = min(max(second, first - math.log(_APART)), first + math.log(_APART))
+    scales = (math.exp(first), math.exp(second))
     low, high = min(scales) / _DECADES, max(scales) * _DECADES
     if sample_time_s is not None:
         high = min(high, max(math.pi / sample_time_s, _LEAST * max(scales)))

@@ -173,7 +173,8 @@ def provenance_text(model: Model) -> str:
     if not isinstance(entry, dict):
         return "data of unknown provenance"
     words = [f"{entry.get('kind')} data", entry.get("source"), entry.get("note")]
-    return "; ".join(str(word) for word in words if word)
+    # One line, whatever the description: it stands in comments of other languages.
+    return "; ".join(" ".join(str(word).split()) for word in words if word)
 
 
 def _description(made: Exported) -> list[str]:

@@ -119,4 +119,8 @@ def own_bounds(ranges: Mapping[str, Sequence[float]]) -> Bounds:
             raise ValueError(f"{name} is no parameter; expected one of {', '.join(PARAMETERS)}")
         lower[PARAMETERS.index(name)] = low
         upper[PARAMETERS.index(name)] = high
+    # alpha1 stays below alpha2: a bound of one is a bound of the other.
+    if lower[1] + ORDER_GAP <= upper[0]:
+        upper[1] = min(upper[1], upper[0] - ORDER_GAP)
+        lower[0] = max(lower[0], lower[1] + ORDER_GAP)
     return Bounds("own", lower, upper)

@@ -60,7 +60,9 @@ def trial_noise(data: StepData, residual_rad: float) -> Noise:
     squares = differences = means = 0.0
     freedom = 0
     for rows in data.groups.values():
-        deviation = data.angle_rad[rows] - data.angle_rad[rows].mean(axis=0)
+        # Steps of several heights are alike in shape: their heights are no noise.
+        u, angle = data.u[rows], data.angle_rad[rows]
+        deviation = angle - np.outer(u, u @ angle / (u @ u))
         squares += float(np.sum(deviation**2))
         differences += float(np.sum(np.diff(deviation, axis=1) ** 2)) / 2.0
         means += float(np.sum(np.mean(deviation, axis=1) ** 2))

@@ -132,7 +132,8 @@ def fit_optimum(
     """
     bounds = free_bounds() if bounds is None else bounds
     fits = fit_many(step_map(data.t), data, bounds, Draws.from_seed(seed), loss=loss)
-    x = fits.x[0]
+    # Searched as logarithms, a coefficient on its bound comes back a last digit beside it.
+    x = np.clip(fits.x[0], bounds.lower, bounds.upper)
     squares = float(fits.sum_squares[0])
     return Optimum(
         x=x,

@@ -22,6 +22,7 @@ _MIN_SAMPLES = 10
 # A trial is left out when one gap takes more than this fraction of its window, or when its window
 # is shorter than this fraction of the middle one: the common duration is the shortest window's.
 _MOST = 0.5
+_BASE_S = 1.0  # before a step: the angle that it rises from
 
 
 @dataclass(frozen=True)
@@ -236,4 +237,9 @@ def _window(trial: Trial, source: Path | str) -> _Window | str:
     if longest > _MOST * t[-1]:
         return f"a gap of {longest:.3g} s in a step of {t[-1]:.3g} s"
     rise = float(command[first] - base)
-    return _Window(trial, rise, t, trial.angle_deg[used][valid])
+    angle = trial.angle_deg[used][valid]
+    if abs(base) > tolerance:  # the angle of the pressure it rises from is no part of the rise
+        before = (trial.t_s < trial.t_s[first]) & ~trial.after_reset
+        before &= trial.t_s >= trial.t_s[first] - _BASE_S
+        angle = angle - (trial.angle_deg[before].mean() if before.any() else 0.0)
+    return _Window(trial, rise, t, angle)

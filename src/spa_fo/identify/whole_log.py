@@ -15,6 +15,7 @@ from spa_fo.errors import BadInput
 from spa_fo.fractional import Hold, ResponseMap, input_map
 from spa_fo.identify.bounds import ORDER_GAP, Bounds, free_bounds
 from spa_fo.identify.polish import Optimum
+from spa_fo.plant import PARAMETERS
 from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
@@ -147,7 +148,8 @@ def log_errors(logs: Sequence[LogData], optimum: Optimum) -> Floats | None:
     Returns
     -------
     (6,) array or None
-        Of alpha2, alpha1, a1, a0, b0 and K. None for a single log.
+        Of alpha2, alpha1, a1, a0, b0 and K; NaN on a bound, where leaving logs out moves nothing.
+        None for a single log.
     """
     count = len(logs)
     if count < 2:
@@ -158,6 +160,7 @@ def log_errors(logs: Sequence[LogData], optimum: Optimum) -> Floats | None:
     )
     quantities = np.column_stack([x, x[:, 4] / x[:, 3]])
     errors: Floats = np.sqrt((count - 1) * np.var(quantities, axis=0))
+    errors[[PARAMETERS.index(mark.split()[0]) for mark in optimum.at_bounds]] = np.nan
     return errors
 
 
