@@ -105,6 +105,7 @@ def changed(name: str, change: Mapping[str, Any]) -> dict[str, Any]:
             "a number, found True",
         ),
         (changed("creep", {"parameters.decades": 1e999}), "parameters.decades", "a finite number"),
+        (changed("creep", {"parameters.decades": 10**400}), "parameters.decades", "finite number"),
         (
             changed("creep", {"parameters.per_decade": -0.1}),
             "parameters.per_decade",

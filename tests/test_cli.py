@@ -309,6 +309,22 @@ def test_bad_models(
     assert not out.exists()
 
 
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("a0", 5.0, 6.0), ("a0", 0.3, 0.7), ("alpha2", 1.1, 1.3)]
+)
+def test_a_bound_that_the_optimum_lies_on(
+    name: str, low: float, high: float, steps: Path, tmp_path: Path
+) -> None:
+    """Also where a coefficient's logarithm does not come back to the last digit."""
+    out = tmp_path / "model.json"
+    for more in ((), ("--whole-logs",)):
+        bound = ["--bound", f"{name}={low}:{high}"]
+        assert main(["fit", str(steps), "--out", str(out), *bound, *more]) == 0
+        found = json.loads(out.read_text())["transfer_function"]
+        assert low <= found[name] <= high
+        assert found["alpha1"] < found["alpha2"]
+
+
 def test_own_bounds_are_kept(steps: Path, tmp_path: Path) -> None:
     out = tmp_path / "model.json"
     arguments = ["fit", str(steps), "--out", str(out), "--bound", "a0=3:4", "--bound", "a1=1:1.5"]
@@ -339,6 +355,38 @@ def test_bad_bounds(
 def test_a_place_that_cannot_be_written(steps: Path, capsys: pytest.CaptureFixture[str]) -> None:
     line = refused(["fit", str(steps), "--out", "/proc/model.json"], capsys)
     assert "/proc/model.json: cannot be written" in line
+
+
+@pytest.mark.parametrize(
+    "name", ["step_30/trial_01.csv", "campaign.yaml", "SHA256SUMS", "step_30/new.log"]
+)
+def test_nothing_is_written_over_the_campaign(
+    name: str, steps: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = {path: path.read_bytes() for path in steps.rglob("*") if path.is_file()}
+    for command in ("fit", "parse"):
+        line = refused([command, str(steps), "--out", str(steps / "." / name)], capsys)
+        assert "is a file of the campaign or the model; expected another to write" in line
+    assert {path: path.read_bytes() for path in steps.rglob("*") if path.is_file()} == before
+
+
+def test_no_prediction_is_written_over_its_model(
+    steps: Path, fitted: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = fitted.read_bytes()
+    assert str(fitted) in refused(
+        ["predict", str(fitted), str(steps), "--out", str(fitted)], capsys
+    )
+    assert fitted.read_bytes() == before
+
+
+def test_a_name_that_no_file_can_have(
+    steps: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / ("m" * 300)
+    assert "cannot be written" in refused(["fit", str(steps), "--out", str(out)], capsys)
+    line = refused(["fit", str(tmp_path / ("c" * 300)), "--out", str(tmp_path / "m.json")], capsys)
+    assert "c" * 300 in line
 
 
 def test_a_negative_seed(steps: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

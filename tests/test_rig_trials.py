@@ -412,6 +412,8 @@ def test_protocols_are_held_to_their_word() -> None:
     assert contradiction("step_release", t, step) is None
     assert contradiction("staircase", t, stairs) is None
     assert contradiction("triangle", t, triangle) is None
+    fast = 20.0 * (1 - np.abs(np.minimum(t, 3.0) / 1.5 - 1))  # up in 1.5 s and down again
+    assert contradiction("triangle", t, fast) is None
     assert contradiction("hold", t, step) is None
     assert contradiction("free", t, 0 * t) is None
     assert contradiction("step", t, 0 * t + 20.0) is None

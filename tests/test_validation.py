@@ -105,6 +105,12 @@ def test_a_whole_number_has_no_point() -> None:
     assert "is 3.0; expected a whole number" in refused({"name": "a", "swarm": {"particles": 3.0}})
 
 
+def test_a_document_that_holds_itself() -> None:
+    document: dict[str, object] = {"name": "a"}
+    document["swarm"] = document
+    assert "config.yaml: holds itself by an alias" in refused(document)
+
+
 def test_a_true_is_no_number() -> None:
     assert "expected a whole number" in refused({"name": "a", "swarm": {"particles": True}})
 

@@ -35,10 +35,10 @@ def replacing(path: Path | str) -> Iterator[Path]:
         something else than a file has its name: a device must not be replaced.
     """
     path = Path(path)
-    if path.exists() and not path.is_file():
-        raise BadInput(path, "cannot be written: it is not a file")
     temporary: Path | None = None
     try:
+        if path.exists() and not path.is_file():
+            raise BadInput(path, "cannot be written: it is not a file")
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=TEMPORARY, suffix=path.suffix, dir=path.parent)
         os.close(handle)

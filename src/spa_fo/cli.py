@@ -92,6 +92,9 @@ def _parse(options: argparse.Namespace) -> None:
 
     campaign = Campaign.load(options.campaign)
     if options.out:
+        from spa_fo.rig.checksums import spare
+
+        spare(options.out, options.campaign)
         campaign.save_table(options.out)
     print(campaign.parse_report.to_markdown())
 
@@ -167,9 +170,11 @@ def _seed(text: str) -> int:
 def _fit(options: argparse.Namespace) -> None:
     from spa_fo.api import Campaign
     from spa_fo.api.campaign import search_box
+    from spa_fo.rig.checksums import spare
 
     bounds = _bounds(options.bound)
     search_box(bounds)  # refused before the campaign is read
+    spare(options.out, options.campaign)
     result = Campaign.load(options.campaign).fit(
         seed=options.seed, whole_logs=options.whole_logs, input=options.input, bounds=bounds
     )
@@ -211,7 +216,9 @@ def _add_predict(commands: Commands) -> None:
 
 def _predict(options: argparse.Namespace) -> None:
     from spa_fo.api import Model
+    from spa_fo.rig.checksums import spare
 
+    spare(options.out, options.campaign, options.model)
     prediction = Model.load(options.model).predict(options.campaign)
     if prediction.note:
         print(f"{options.model}: {prediction.note}", file=sys.stderr)
@@ -292,7 +299,9 @@ def _plan(options: argparse.Namespace) -> None:
     from spa_fo.api import Campaign
     from spa_fo.api.plan import plan_next
     from spa_fo.gap.rivals import read_standing
+    from spa_fo.rig.checksums import spare
 
+    spare(options.out, options.campaign, options.diagnosis)
     campaign = Campaign.load(options.campaign)
     standing = read_standing(options.diagnosis, campaign.name)
     plan = plan_next(campaign, standing, options.max_duration, options.max_pressure)

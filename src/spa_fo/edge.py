@@ -17,11 +17,18 @@ EXIT_BAD_INPUT = 2
 
 @contextmanager
 def bad_input_exits() -> Iterator[None]:
-    """Turn `BadInput` into its one line on stderr and exit code 2."""
+    """Turn `BadInput` into its one line on stderr and exit code 2; so with unusable files."""
     try:
         yield
     except BadInput as error:
         print(f"spa-fo: {error}", file=sys.stderr)
+        raise SystemExit(EXIT_BAD_INPUT) from None
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"spa-fo: {error.filename}: {error.strerror}", file=sys.stderr)
         raise SystemExit(EXIT_BAD_INPUT) from None
 
 

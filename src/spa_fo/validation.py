@@ -80,7 +80,11 @@ def validate(document: Any, schema: Mapping[str, Any], path: Path | str) -> None
         ``experiments[1].trials[0].order``, what stands there and what was expected. An unknown
         key is answered with the nearest known one. Numbers must be finite.
     """
-    for keys, value in _scalars(document):
+    try:
+        scalars = list(_scalars(document))
+    except RecursionError:
+        raise BadInput(path, "holds itself by an alias; expected plain YAML") from None
+    for keys, value in scalars:
         if isinstance(value, int | float) and not abs(value) <= sys.float_info.max:
             raise BadInput(path, f"is {_shorten(value)}; expected a finite number", key_path(keys))
     errors = sorted(_Validator(schema).iter_errors(document), key=_precedence)

@@ -223,7 +223,7 @@ def _seat(model: Model, source: Source) -> Seat:
         return Seat.from_dict(model.extra[_SEAT])
     except KeyError as error:
         raise BadInput(source, "missing, expected this key", f"{_SEAT}.{error.args[0]}") from error
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(source, f"expected a sensor's state: {error}", _SEAT) from error
 
 
@@ -234,7 +234,7 @@ def _memory_for(model: Model, campaign: Campaign, source: Source) -> Memory:
         return Memory.from_dict(model.extra["memory"])
     except KeyError as error:
         raise BadInput(source, "missing, expected this key", f"memory.{error.args[0]}") from error
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(source, f"expected the state of a specimen: {error}", "memory") from error
 
 
@@ -295,6 +295,10 @@ class _Entry:
     def _number(self, key: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.refuse(key, f"expected a number, found {value!r}")
-        if not abs(value) < math.inf:
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
             self.refuse(key, "expected a finite number")
-        return float(value)
+        return number

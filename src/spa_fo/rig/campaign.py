@@ -244,7 +244,7 @@ def log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
             )
         columns[name] = Column(
             column=item["column"],
-            unit=str(item.get("unit", "1")),
+            unit=_unit(item.get("unit", "1")),
             scale=float(item.get("scale", 1.0)),
             offset=float(item.get("offset", 0.0)),
             rest=item.get("rest", "keep"),
@@ -252,6 +252,11 @@ def log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
     if "angle" not in columns and "flex_adc" not in columns:
         raise BadInput(path, "expected a column 'angle' or 'flex_adc'", "log.columns")
     return LogFormat("csv", entry.get("delimiter", ","), header, columns)
+
+
+def _unit(written: Any) -> str:
+    """Name of a unit; the dimensionless one may be written as any number 1."""
+    return str(int(written)) if isinstance(written, float) else str(written)
 
 
 def _check_sense(campaign: Campaign) -> None:

@@ -122,6 +122,33 @@ def verify(folder: Path, files: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(warnings)
 
 
+def spare(target: Path, folder: Path, *others: Path) -> None:
+    """Refuse to write a result over what it is made from.
+
+    Parameters
+    ----------
+    target : Path
+        The file that is to be written.
+    folder : Path
+        The campaign folder: its raw files, and their lists, are spared. So are logs that nobody
+        lists, as no campaign may hold one.
+    *others : Path
+        Further files that are read.
+
+    Raises
+    ------
+    BadInput
+        It is one of them.
+    """
+    place, root = target.resolve(), folder.resolve()
+    spared = {other.resolve() for other in others}
+    if place.is_relative_to(root):
+        listed = read_checksums(folder) if (folder / NAME).is_file() else {}
+        spared |= {root / name for name in ("campaign.yaml", NAME, *listed)}
+    if place in spared or (place.is_relative_to(root) and place.suffix == ".log"):
+        raise BadInput(target, "is a file of the campaign or the model; expected another to write")
+
+
 def add(folder: Path, file: str) -> None:
     """List a raw file in a campaign's ``SHA256SUMS``, if it is not listed; made where missing."""
     path = folder / NAME

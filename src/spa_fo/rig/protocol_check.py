@@ -58,9 +58,19 @@ def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None
         return f"its command rises {rises} times; expected one step"
     if protocol == "staircase" and max(rises, falls) < 2:
         return f"its command rises {rises} times and falls {falls} times; expected several steps"
-    if protocol == "triangle" and np.any(np.abs(changes) > 0.5 * np.ptp(command_kpa)):
-        return f"its command jumps by {np.abs(changes).max():g} kPa; expected ramps"
+    if protocol == "triangle":
+        jump = _largest_jump(t_s, command_kpa)
+        if jump > 0.5 * np.ptp(command_kpa):
+            return f"its command jumps by {jump:g} kPa; expected ramps"
     return None
+
+
+def _largest_jump(t_s: Floats, command_kpa: Floats) -> float:
+    """Largest change of a command within a blink, kPa; a constant one rose before its log."""
+    if np.ptp(command_kpa) == 0.0:
+        return float(abs(command_kpa[0]))
+    later = np.interp(t_s + _PLATEAU_S, t_s, command_kpa)
+    return float(np.abs(later - command_kpa).max())
 
 
 def odd_level(levels_kpa: Floats) -> int | None:
