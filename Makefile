@@ -3,8 +3,8 @@
 PYTHON ?= python3.11
 CORES ?= 2
 VENV := .venv
-# Campaigns measured by others, which are not part of the project.
-DATA ?= ../shared/data
+# Campaigns measured by others, which are not part of the project: docs/real_data.md.
+DATA ?= data
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
@@ -22,7 +22,7 @@ help:
 	@echo "make report      the results as one HTML file -> results/report.html"
 	@echo "make docs        the documentation site -> build/site/"
 	@echo "make audit       the audit of the paper -> docs/audit.md"
-	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (hours)"
+	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (about an hour)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
 	@echo "make firmware    build the board's program, and a simulated board to run it on"
@@ -58,6 +58,7 @@ report: reproduce
 
 audit: reproduce
 	$(BIN)/python -m spa_fo.report.audit_document results docs
+	cp results/dragon_skin_20/figures/step_responses.png docs/figures/
 
 docs: $(INSTALLED)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict

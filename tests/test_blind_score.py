@@ -248,6 +248,25 @@ def test_claims_are_close_within_ten_points_and_cover_by_their_own_interval() ->
     assert score(outcomes).shrink_left_out == 1
 
 
+def test_claims_are_counted_by_kind_of_answer() -> None:
+    close = shrunk(Claim(0.80, 0.70, 0.90), math.sqrt(4.25), math.sqrt(1.25))
+    far = shrunk(Claim(0.95, 0.90, 0.99), math.sqrt(4.25), math.sqrt(1.25))
+    unclear = shrunk(Claim(0.80, 0.70, 0.90), 1.2, 0.5)
+    silent = shrunk(None, math.sqrt(4.25), math.sqrt(1.25))
+
+    def unknown(outcome: Outcome) -> Outcome:
+        return replace(outcome, answer=replace(outcome.answer, verdict="unknown"))
+
+    none = Outcome(CREEP, answer())
+    outcomes = [close, close, unclear, unknown(close), unknown(far), unknown(silent), none]
+    named, stood_in = score(outcomes).claims
+    assert (named.verdict, named.answers, named.claims, named.close.n) == ("cause", 3, 3, 2)
+    assert named.close.value == named.covered.value == 1.0
+    counts = (stood_in.verdict, stood_in.answers, stood_in.claims, stood_in.close.n)
+    assert counts == ("unknown", 3, 2, 2)
+    assert stood_in.close.value == stood_in.covered.value == 0.5
+
+
 # --- sizes, arms, effects, marks ------------------------------------------------------------------
 
 

@@ -25,6 +25,7 @@ from spa_fo.report.diagnosis_figures import (
     stages_figure,
 )
 from spa_fo.report.effect_words import EFFECT_WORDS, parameter_words, phrase
+from spa_fo.report.headline import headline
 
 PLAIN = Model("bench", "rubber", TransferFunction(1.4, 1.2, 0.8, 1.6, 0.9), 30.0)
 STAGES = {"drive": 0.1, "actuator": 0.83, "sensor": 0.07, "acquisition": 0.0}
@@ -103,6 +104,7 @@ def diagnosis(**changes: Any) -> Diagnosis:
         kind="cause",
         sets=(("creep",),),
         next_experiment=None,
+        held_out_on="one trial of each experiment: 2 trials",
         shrink=SHRINK,
         offers=("4 trials: step, hold",),
         misses=(),
@@ -176,7 +178,7 @@ def test_a_cause_is_named_with_its_stage_probability_and_shrink() -> None:
     assert "probability of 83 %" in text
     assert "from 2.10° to 0.62°" in text
     assert "closes 95 % of the gap (95 % interval 90 % to 98 %)" in text
-    assert "p < 0.001" in text
+    assert "no gap: 5 % probable" in text
 
 
 def test_a_gap_below_the_scatter_is_said_to_repeat() -> None:
@@ -187,7 +189,7 @@ def test_a_gap_below_the_scatter_is_said_to_repeat() -> None:
 def test_no_gap_blames_nothing() -> None:
     text = document(NO_GAP)
     assert "no gap" in sections(text)["The verdict"]
-    assert "p = 0.43" in sections(text)["The verdict"]
+    assert "no gap: 98 % probable" in sections(text)["The verdict"]
     assert "creep of the material" not in sections(text)["The verdict"]
     assert "Use the model as it is." in sections(text)["What to do next"]
     assert "a long hold and measured pressure." in sections(text)["What to do next"]
@@ -270,6 +272,11 @@ def test_where_lists_the_largest_shares_first() -> None:
     table = rows(sections(document(diagnosis()))["Where"])
     assert table["stage"] == ["actuator 83 %, drive 10 %, sensor 7 %"]
     assert table["amplitude"] == ["below 5° 60 %, 5-15° 40 %"]
+
+
+def test_the_page_says_which_trials_the_errors_are_of_where_nothing_is_explained() -> None:
+    page = document(diagnosis(kind="unknown", sets=(), shrink=None, held_out_on="the last 4 of 14"))
+    assert "Held out: the last 4 of 14." in page.split("## Which cause")[1].split("##")[0]
 
 
 def test_the_page_says_what_the_data_are_and_what_was_withheld() -> None:
@@ -375,6 +382,26 @@ def test_the_gap_is_the_mean_over_trials_as_far_as_each_goes() -> None:
     own = t.trial == 1
     assert np.asarray(mean[:, 0]) == pytest.approx(t.time_s[own])
     assert np.asarray(mean[:, 1]) == pytest.approx(t.measured_deg[own] - t.plain_deg[own])
+
+
+def test_a_pressure_that_drives_the_model_is_not_drawn_against_itself() -> None:
+    measured = traces(calibration=False)
+    driven = replace(measured, command_kpa=np.full_like(measured.command_kpa, np.nan))
+    assert has_stages(measured)
+    assert not has_stages(driven)
+    for given, label in ((measured, "command (kPa)"), (driven, "pressure (kPa)")):
+        figure = gap_figure(diagnosis(traces=given))
+        assert label in [axes.get_ylabel() for axes in figure.axes]
+
+
+def test_where_no_trial_was_held_out_nothing_says_so() -> None:
+    fitted = replace(traces(), held_out=np.zeros(4, dtype=bool))
+    one = diagnosis(traces=fitted)
+    assert "all trials" in ladder_figure(one).axes[0].get_xlabel()
+    assert "held-out" not in verdict(one)
+    answer = headline(one.to_dict())[1]
+    assert "on the fitted trials: 2.10°" in answer
+    assert "; held out: 2.10°" in headline(diagnosis().to_dict())[1]
 
 
 def test_the_ladder_has_a_rung_for_everything_that_was_tried() -> None:

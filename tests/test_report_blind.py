@@ -99,6 +99,16 @@ def test_the_numbers_of_the_page_are_those_of_the_scores(scores: dict[str, Any])
     assert "70 %" not in page.split("##")[0]
 
 
+def test_the_page_parts_the_claims_by_kind_of_answer(scores: dict[str, Any]) -> None:
+    (claims,) = scores["claims"]
+    page = document(scores, ORIGIN)
+    row = next(line for line in page.splitlines() if line.startswith("| one cause |"))
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    counts = [claims["answers"], claims["claims"], claims["close"]["n"]]
+    assert cells[1:4] == [str(count) for count in counts]
+    assert cells[4] == f"{claims['close']['value']:.3f}"
+
+
 def test_the_command_copies_the_results_beside_the_page(
     scores: dict[str, Any], tmp_path: Path
 ) -> None:

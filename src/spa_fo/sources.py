@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parent
+_DATA = ("json", "mplstyle", "yaml")  # files beside modules that change what they do
 _NAME = _PACKAGE.name
 
 
@@ -85,7 +86,8 @@ def _files_of(module: str) -> frozenset[Path]:
     for part in ["", *module.split(".")[1:]]:
         place = place / part
         if place.is_dir():
-            files |= {place / "__init__.py", *place.glob("*.yaml"), *place.glob("*.mplstyle")}
+            files.add(place / "__init__.py")
+            files.update(*(place.glob(f"*.{kind}") for kind in _DATA))
         elif place.with_suffix(".py").is_file():
             files.add(place.with_suffix(".py"))
     return frozenset(path for path in files if path.is_file())

@@ -1,6 +1,7 @@
 rule diagnose:
     """Why model and actuator disagree: the answer, its page with figures, the augmented model."""
     input:
+        raw_files=raw_files,
         trials=rules.raw_to_angle.output.trials,
         model=rules.identify.output.model,
     output:

@@ -1,6 +1,7 @@
 rule figures:
     """Figs. 4 and 5, calibration, whole logs, ablation, identifiability."""
     input:
+        raw_files=raw_files,
         trials=rules.raw_to_angle.output.trials,
         model=rules.identify.output.model,
         fit=rules.identify.output.fit,

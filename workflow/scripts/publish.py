@@ -10,7 +10,13 @@ from spa_fo.edge import workflow_step
 from spa_fo.report.answers import write_texts
 from spa_fo.report.diagnosis import PAGE
 from spa_fo.report.pages import write_pages
-from spa_fo.report.summary import PublishedMaterial, summary, tables, write_tables
+from spa_fo.report.summary import (
+    PublishedMaterial,
+    summary,
+    tables,
+    told_apart,
+    write_tables,
+)
 from spa_fo.rig import read_campaign
 
 
@@ -36,6 +42,7 @@ with workflow_step(snakemake.log[0], snakemake.threads):
         )
         for i, (name, entry) in enumerate(snakemake.params.materials.items())
     ]
+    materials = told_apart(materials)
     folder = Path(snakemake.output.tables)
     made = tables(materials)
     write_tables(made, folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import cycle
 from typing import Any
 
 import pandas as pd
@@ -103,9 +104,8 @@ def ablation_figure(table: pd.DataFrame) -> Figure:
 
 def _curve_panel(axes: Axes, clean: pd.DataFrame) -> None:
     at_points = clean[clean["points"] == POINTS]
-    for (group, rows), marker in zip(at_points.groupby("group"), _MARKERS, strict=False):
-        if group == ALL:
-            continue
+    apart = at_points[at_points["group"] != ALL].groupby("group")
+    for (group, rows), marker in zip(apart, cycle(_MARKERS), strict=False):
         (line,) = axes.plot(
             rows["datasets"], rows["curve_spread_deg"], marker=marker, markersize=3, linestyle="-"
         )
@@ -125,7 +125,7 @@ def _curve_panel(axes: Axes, clean: pd.DataFrame) -> None:
 
 
 def _left_out_panel(axes: Axes, rows: pd.DataFrame) -> None:
-    for (points, group), marker in zip(rows.groupby("points"), _MARKERS, strict=False):
+    for (points, group), marker in zip(rows.groupby("points"), cycle(_MARKERS), strict=False):
         axes.plot(
             group["datasets"],
             group["left_out_mean_deg"],

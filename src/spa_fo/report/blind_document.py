@@ -42,13 +42,14 @@ Thresholds and learned weights of the diagnosis were frozen before, on other see
 development, and of benchmarks whose answers were open by then. This benchmark has seed {seed}.
 
 The counting is strict. Naming more than what is at work is a wrong name; an `unknown` that holds
-the truth as the explained part does not count as naming it; sets are counted in the answers that
-name any. Intervals are Wilson's for shares and bootstrap over cases for means. A claimed shrink is
-judged where the plain model's error on the later campaign is at least {clear:g} times the noise
-floor ({left_out} claims are not), as below the scatter of its few trials hides the fraction; the
-floor is that of the specimen's own repeated trials. *Refit only* identifies the plain model again
-and names nothing, *smallest BIC* always names the explanation of the smallest Bayesian information
-criterion, *commonest effect* always the same one."""
+the truth as the explained part does not count as naming it (but *at least one named* of a pair
+counts what an `unknown` gives as the explained part, too); sets are counted in the answers that
+name any. Intervals are Wilson's for shares and bootstrap over cases for means. A claimed shrink
+is judged where the plain model's error on the later campaign is at least {clear:g} times the
+noise floor ({left_out} claims are not), as below the scatter of its few trials hides the
+fraction; the floor is that of the specimen's own repeated trials. *Refit only* identifies the
+plain model again and names nothing, *smallest BIC* always names the explanation of the smallest
+Bayesian information criterion, *commonest effect* always the same one."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,8 @@ def document(scores: Mapping[str, Any], origin: Origin, folder: str = "blind") -
         _marks(scores["marks"]),
         _sizes(scores),
         *_figures(folder),
+        "## Claims of how far the gap closes, by kind of answer",
+        _claims(scores["claims"]),
         "## How it was done",
         _METHOD.format(
             seed=scores["benchmark"]["seed"],
@@ -172,6 +175,35 @@ def _figures(folder: str) -> Iterator[str]:
     for name, caption in _FIGURES.items():
         yield f"![{caption}]({folder}/{name}.png)"
         yield f"*{caption}*"
+
+
+_ANSWER_NAMES = {
+    "no_gap": "no gap",
+    "cause": "one cause",
+    "ambiguous": "several that these data cannot tell apart",
+    "unknown": "unknown, but a part is explained",
+}
+
+
+def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
+    lines = [
+        "| answer | of this kind | claim something | judged | within 10 points | 95 % "
+        "| interval holds |",
+        "|:--|--:|--:|--:|--:|:--|--:|",
+    ]
+    for own in claims:
+        close = own["close"]
+        cells = [
+            _ANSWER_NAMES[own["verdict"]],
+            str(own["answers"]),
+            str(own["claims"]),
+            str(close["n"]),
+            _figure(close["value"]),
+            _ends(close),
+            _figure(own["covered"]["value"]),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def _cases(scores: Mapping[str, Any]) -> str:

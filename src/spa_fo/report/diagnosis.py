@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from spa_fo.atomic import write_text
-from spa_fo.gap.diagnosis import Cause, Diagnosis, Shrink
+from spa_fo.gap.diagnosis import Cause, Diagnosis
 from spa_fo.report.diagnosis_figures import (
+    MOST_CAUSES,
     before_after_figure,
     gap_figure,
     has_stages,
@@ -48,7 +49,6 @@ _BASELINE_WORDS = {"smallest_bic": "smallest BIC", "commonest": "commonest effec
 _USE_MODEL = (
     "Predict with the augmented model: `spa-fo predict augmented_model.json CAMPAIGN --out FILE`."
 )
-_MOST_CAUSES = 8
 _MOST_BINS = 4
 
 
@@ -108,7 +108,14 @@ def document(diagnosis: Diagnosis, figures: Sequence[str] = ()) -> str:
         ("", _head(diagnosis)),
         ("The verdict", [verdict(diagnosis)]),
         ("What to do next", _bullets(_next_steps(diagnosis))),
-        ("Which cause", [_cause_table(diagnosis), *_figure("ladder", figures)]),
+        (
+            "Which cause",
+            [
+                _cause_table(diagnosis),
+                f"Held out: {diagnosis.held_out_on}.",
+                *_figure("ladder", figures),
+            ],
+        ),
         ("How far it shrinks", [*_shrink(diagnosis), *_figure("before_after", figures)]),
         ("Where", [*_where(diagnosis), *_figure("gap", figures)]),
         ("What the evidence is", [*_evidence(diagnosis), *_figure("stages", figures)]),
@@ -134,7 +141,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         return (
             f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}°, which repeated trials "
             f"account for: they differ by {gap.noise_floor_deg:.2f}° among themselves "
-            f"({_p_value(gap.p_value)}). There is **no gap** to explain: the model stands as it is."
+            f"({_chance(diagnosis)}). There is **no gap** to explain: the model stands as it is."
         )
     against = (
         "where" if gap.rmse_deg > gap.noise_floor_deg else "in the same way every time, though"
@@ -142,14 +149,14 @@ def verdict(diagnosis: Diagnosis) -> str:
     size = (
         f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}° {against} repeated trials "
         f"differ by {gap.noise_floor_deg:.2f}° among themselves "
-        f"({_p_value(gap.p_value)}){_mostly(diagnosis)}."
+        f"({_chance(diagnosis)}){_mostly(diagnosis)}."
     )
     cause = {"cause": _one_cause, "ambiguous": _several_causes, "unknown": _no_cause}
     return f"{size} {cause[diagnosis.kind](diagnosis)}"
 
 
-def _p_value(p: float) -> str:
-    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+def _chance(diagnosis: Diagnosis) -> str:
+    return f"no gap: {percent(probability_of(diagnosis.causes, 'none'))} probable"
 
 
 def _mostly(diagnosis: Diagnosis) -> str:
@@ -165,7 +172,7 @@ def _one_cause(diagnosis: Diagnosis) -> str:
     means = "; ".join(EFFECT_WORDS[each].means for each in ids)
     return (
         f"The cause is **{phrase(ids)}** ({means}), with a probability of "
-        f"{percent(_probability(diagnosis, ids))}{_reached(diagnosis.shrink)}."
+        f"{percent(_probability(diagnosis, ids))}{_reached(diagnosis)}."
     )
 
 
@@ -175,7 +182,7 @@ def _several_causes(diagnosis: Diagnosis) -> str:
     ]
     return (
         f"These data cannot tell apart {joined(sets, 'and')}"
-        f"{_reached(diagnosis.shrink, 'the first of them')}."
+        f"{_reached(diagnosis, 'the first of them')}."
     )
 
 
@@ -185,19 +192,25 @@ def _no_cause(diagnosis: Diagnosis) -> str:
     if not diagnosis.sets:
         return f"{text}, and no part of it is explained."
     part = joined([phrase(ids) for ids in diagnosis.sets], "or")
-    return f"{text}; **{part}** explains a part{_reached(diagnosis.shrink)}."
+    return f"{text}; **{part}** explains a part{_reached(diagnosis)}."
 
 
 def _probability(diagnosis: Diagnosis, ids: tuple[str, ...]) -> float:
     return sum(cause.probability for cause in diagnosis.causes if set(cause.set) == set(ids))
 
 
-def _reached(shrink: Shrink | None, subject: str = "it") -> str:
+def _judged(diagnosis: Diagnosis) -> str:
+    """Name the trials that the shrink is of: a lone trial cannot be held out."""
+    return "held-out trials" if diagnosis.traces.held_out.any() else "the fitted trials"
+
+
+def _reached(diagnosis: Diagnosis, subject: str = "it") -> str:
+    shrink = diagnosis.shrink
     if shrink is None:
         return ""
     low, high = shrink.ci95
     return (
-        f"; with {subject} in the model the error on held-out trials goes from "
+        f"; with {subject} in the model the error on {_judged(diagnosis)} goes from "
         f"{shrink.before_rmse_deg:.2f}° to {shrink.after_rmse_deg:.2f}°, which closes "
         f"{percent(shrink.fraction_closed)} of the gap (95 % interval {percent(low)} to "
         f"{percent(high)})"
@@ -280,7 +293,7 @@ def _lacking(diagnosis: Diagnosis, lead: str) -> Iterator[str]:
 
 
 def _cause_table(diagnosis: Diagnosis) -> str:
-    shown = named(diagnosis.causes, _MOST_CAUSES)
+    shown = named(diagnosis.causes, MOST_CAUSES)
     rows = [_cause_row(cause, cause.set in diagnosis.sets) for cause in shown]
     none, unknown = (probability_of(diagnosis.causes, name) for name in ("none", "unknown"))
     rest = 1.0 - none - unknown - sum(cause.probability for cause in shown)
@@ -352,9 +365,8 @@ def _shrink(diagnosis: Diagnosis) -> Iterator[str]:
         ("noise floor", shrink.noise_floor_deg),
     ]
     yield (
-        f"Held out: {shrink.held_out_on}. The explanation closes "
-        f"**{percent(shrink.fraction_closed)}** of the gap above the noise floor (95 % interval "
-        f"{percent(low)} to {percent(high)})."
+        f"On {_judged(diagnosis)} the explanation closes **{percent(shrink.fraction_closed)}** of "
+        f"the gap above the noise floor (95 % interval {percent(low)} to {percent(high)})."
     )
     yield _table(
         ("", "RMSE (°)"),
@@ -364,7 +376,7 @@ def _shrink(diagnosis: Diagnosis) -> Iterator[str]:
     if shrink.protocol is not None:
         other = shrink.protocol
         yield (
-            f"On a protocol that took no part ({other['held_out_on']}; chosen among the leading "
+            f"On an experiment that took no part ({other['held_out_on']}; chosen among the leading "
             f"explanations and fitted without it: {phrase(other['set'])}): "
             f"{other['before_rmse_deg']:.2f}° → {other['after_rmse_deg']:.2f}°, "
             f"{percent(other['fraction_closed'])} of the gap closed."

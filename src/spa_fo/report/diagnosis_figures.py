@@ -34,8 +34,7 @@ Floats = NDArray[np.float64]
 
 _COLUMNS = 3
 _MOST_PANELS = 9
-_MOST_CAUSES = 8
-_FEW = 3  # causes that are shown however improbable
+MOST_CAUSES = 8
 _LABEL_WIDTH = 44  # characters
 _MOST_STAGE_PANELS = 3
 _LINEAR_KPA = 5.0
@@ -180,7 +179,7 @@ def _draw_gap(
     for row in rows:
         axes_of[row[0]].set_ylabel("measured − model (°)")
     bar = part.colorbar(dots, ax=list(axes_of.values()), aspect=30, pad=0.01)
-    bar.set_label("command (kPa)")
+    bar.set_label("command (kPa)" if has_command(traces) else "pressure (kPa)")
     part.legend(
         [trial, dots, band],
         ["each trial", "their mean", "noise floor"],
@@ -189,9 +188,14 @@ def _draw_gap(
     )
 
 
+def has_command(traces: Traces) -> bool:
+    """Say whether the command was logged; else the measured pressure drives the model."""
+    return bool(np.isfinite(traces.command_kpa).all())
+
+
 def _driving(traces: Traces) -> Floats:
     """Return the command, or the pressure where none was logged."""
-    if np.isfinite(traces.command_kpa).all() or traces.pressure_kpa is None:
+    if has_command(traces) or traces.pressure_kpa is None:
         return np.nan_to_num(traces.command_kpa)
     return traces.pressure_kpa
 
@@ -365,7 +369,8 @@ def ladder_figure(diagnosis: Diagnosis) -> Figure:
     )
     error.axvline(floor, color=BLACK, linestyle="--", linewidth=0.8)
     error.set_xlim(0.0, 1.15 * max([*errors, floor]))
-    on = "all trials" if plain_held_out(diagnosis) is None else "held-out trials"
+    held_out = plain_held_out(diagnosis) is not None and diagnosis.traces.held_out.any()
+    on = "held-out trials" if held_out else "all trials"
     error.set_xlabel(f"RMSE on {on} (°); dashed: noise floor, {floor:.2f}°")
     for place, rung in zip(places, rungs, strict=True):
         text = "–" if rung.rmse_deg is None else f"{rung.rmse_deg:.2f}"
@@ -394,12 +399,12 @@ def percent(share: float) -> str:
 
 
 def named(causes: Sequence[Cause], most: int) -> list[Cause]:
-    """Return the most probable sets of effects: those of 0.5 % and more, and the first few."""
+    """Return the most probable sets: of 0.5 % and more, and those held against unseen trials."""
     sets = [cause for cause in causes if cause.set not in (("none",), ("unknown",))]
     return [
         cause
-        for rank, cause in enumerate(sets[:most])
-        if cause.probability >= 0.005 or (rank < _FEW and cause.held_out_rmse_deg is not None)
+        for cause in sets[:most]
+        if cause.probability >= 0.005 or cause.held_out_rmse_deg is not None
     ]
 
 
@@ -424,7 +429,7 @@ def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
     rungs = [_Rung("plain model", before, probability_of(causes, "none"), BLUE)]
     if shrink is not None:
         rungs.append(_Rung("refit only", shrink.refit_only_rmse_deg, None, GREEN))
-    for cause in named(causes, _MOST_CAUSES):
+    for cause in named(causes, MOST_CAUSES):
         colour = VERMILION if cause.set in diagnosis.sets else ORANGE
         error = cause.held_out_rmse_deg if held_out else None
         rungs.append(_Rung(phrase(cause.set, " + "), error, cause.probability, colour))
@@ -447,8 +452,9 @@ def _write_beside(axes: Axes, text: str, value: float, place: int) -> None:
 
 
 def has_stages(traces: Traces) -> bool:
-    """Say whether pressure or calibration was measured."""
-    return traces.pressure_kpa is not None or traces.fixture_deg.size > 0
+    """Say whether pressure was measured beside a command, or the sensor calibrated."""
+    pressure = traces.pressure_kpa is not None and has_command(traces)
+    return pressure or traces.fixture_deg.size > 0
 
 
 @styled
@@ -494,7 +500,7 @@ def stages_figure(diagnosis: Diagnosis) -> Figure:
 def _drive_experiments(traces: Traces) -> list[_Experiment]:
     """Return the experiments in which the pressure strays most from the command."""
     pressure = traces.pressure_kpa
-    if pressure is None or not np.isfinite(traces.command_kpa).all():
+    if pressure is None or not has_command(traces):
         return []
     every = _experiments(traces)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,9 @@ from spa_fo.report.style import (
 from spa_fo.rig import Calibration, Drift
 
 Floats = NDArray[np.float64]
+
+_PANELS_A_ROW = 3
+_LETTERS = 26
 
 
 @dataclass(frozen=True)
@@ -73,8 +77,12 @@ def step_figure(panels: Sequence[StepPanel]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    names = [chr(ord("a") + i) for i in range(len(panels))]
-    figure = new_figure(TWO_COLUMNS_IN, 3.2, [names])
+    names = [chr(ord("a") + i) if i < _LETTERS else str(i + 1) for i in range(len(panels))]
+    rows = [names[i : i + _PANELS_A_ROW] for i in range(0, len(names), _PANELS_A_ROW)]
+    empty = ["."] * (len(rows[0]) - len(rows[-1]))
+    figure = new_figure(
+        TWO_COLUMNS_IN, 3.2 + 2.7 * (len(rows) - 1), [*rows[:-1], [*rows[-1], *empty]]
+    )
     for axes, name, panel in zip(figure.axes, names, panels, strict=True):
         trials = axes.plot(panel.t_s, panel.trials_deg.T, color=GREY, linestyle="-", linewidth=0.6)
         (mean,) = axes.plot(
@@ -99,10 +107,10 @@ def step_figure(panels: Sequence[StepPanel]) -> Figure:
         errors = [f"{curve.rms_deg:.2f}°" for curve in panel.curves[: len(models)]]
         axes.legend(models, errors, title="RMS against the mean", loc="lower right", ncols=2)
     labels = [curve.label for curve in panels[0].curves[: len(models)]]
-    count = len(panels[0].trials_deg)
+    counts = {len(panel.trials_deg) for panel in panels}
     figure.legend(
         [trials[0], mean, *models],
-        [f"{count} trials", "their mean", *labels],
+        [f"{counts.pop()} trials" if len(counts) == 1 else "each trial", "their mean", *labels],
         loc="outside upper center",
         ncols=3,
     )
@@ -199,7 +207,8 @@ def calibration_figure(calibration: Calibration, drifts: Sequence[Drift]) -> Fig
         curve.plot(means, known, label=f"dwells {direction}", **look)
         read = calibration.angle_deg(means) - known
         difference.plot(known, read, label=f"{direction}: read − known", **look)
-    for drift, colour in zip(drifts, (VERMILION, PURPLE, GREEN, ORANGE), strict=False):
+    colours = cycle((VERMILION, PURPLE, GREEN, ORANGE))
+    for drift, colour in zip(drifts, colours, strict=False):
         hours = (drift.started_s - calibration.started_s) / 3600.0
         difference.plot(
             drift.angles_deg,

@@ -47,8 +47,10 @@ def _sizes(document: Mapping[str, Any]) -> str:
     if shrink is None:
         return f"{missed}."
     low, high = shrink["ci95"]
+    # Without a word on it, as in files of earlier versions, trials were held out.
+    where = "held out" if document["evidence"].get("held_out", True) else "on the fitted trials"
     return (
-        f"{missed}; held out: {shrink['before_rmse_deg']:.2f}° -> {shrink['after_rmse_deg']:.2f}°, "
+        f"{missed}; {where}: {shrink['before_rmse_deg']:.2f}° -> {shrink['after_rmse_deg']:.2f}°, "
         f"{percent(shrink['fraction_closed'])} of the gap closed ({percent(low)} to "
         f"{percent(high)})."
     )

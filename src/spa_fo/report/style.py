@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import TypeVar, cast
 
 from matplotlib import style
@@ -21,6 +22,7 @@ BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY = "#999999"
 
 _STYLE = Path(__file__).with_name("spa_fo.mplstyle")
+_CHARACTERS_AN_INCH = 21  # of the line that says where data come from
 
 
 Draw = TypeVar("Draw", bound=Callable[..., Figure])
@@ -60,7 +62,8 @@ def new_figure(width_in: float, height_in: float, mosaic: Sequence[Sequence[str]
 
 def mark_provenance(figure: Figure, provenance: str) -> None:
     """Write the provenance of its data below a figure."""
-    figure.supxlabel(provenance, fontsize=6, color="#555555", x=0.01, ha="left")
+    lines = fill(provenance, int(_CHARACTERS_AN_INCH * figure.get_figwidth()))
+    figure.supxlabel(lines, fontsize=6, color="#555555", x=0.01, ha="left")
 
 
 def save_figure(figure: Figure, stem: Path | str, provenance: str) -> tuple[Path, Path]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from spa_fo.identify.reproduction import Reproduction
-from spa_fo.plant import paper
 from spa_fo.report.ablation import ablation_table, verdict_lines
 from spa_fo.report.audit import AuditLine, Identified, audit, audit_table
 from spa_fo.report.comparison import (
@@ -66,6 +66,8 @@ class PublishedMaterial:
         The diagnosis as Markdown.
     figures : tuple of str
         Names of the figures there are, without suffix.
+    alone : bool
+        Whether it is the only one of its material (see `told_apart`).
     """
 
     name: str
@@ -80,16 +82,24 @@ class PublishedMaterial:
     diagnosis: Mapping[str, Any]
     diagnosis_page: str
     figures: tuple[str, ...]
+    alone: bool = True
 
     @property
     def label(self) -> str:
-        """The material's name as people write it."""
-        return self.campaign.material
+        """The material as people write it; with the entry's name, where others are of the same."""
+        material = self.campaign.material
+        return material if self.alone else f"{material} ({self.name})"
 
     @property
     def provenance(self) -> str:
         """The line that stands on everything made of it."""
         return provenance_line(self.campaign.provenance)
+
+
+def told_apart(materials: Sequence[PublishedMaterial]) -> list[PublishedMaterial]:
+    """Label campaigns of one material by their names, so that no row or curve stands for two."""
+    count = Counter(material.campaign.material for material in materials)
+    return [replace(m, alone=count[m.campaign.material] == 1) for m in materials]
 
 
 def tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
@@ -255,8 +265,8 @@ def _identified(materials: Sequence[PublishedMaterial]) -> dict[str, Identified]
         widest = next(
             entry for entry in uncertainty["profiles"] if entry["name"] == uncertainty["widest"]
         )
-        found[material.design] = Identified(
-            label=paper.MATERIALS[material.design],
+        found[material.name] = Identified(
+            label=material.label,
             condition_number=uncertainty["condition_number"],
             undetermined=tuple(uncertainty["undetermined"]),
             widest=widest["name"],

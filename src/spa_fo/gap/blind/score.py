@@ -14,12 +14,14 @@ from spa_fo.gap.blind.questions import (
     Question,
     ShrinkPoint,
     calibrated,
+    claims_close,
+    claims_cover,
     found,
     in_sets,
     right_first,
     shrink_points,
 )
-from spa_fo.gap.blind.records import KINDS, Answer, Ids, Outcome, Truth
+from spa_fo.gap.blind.records import KINDS, VERDICTS, Answer, Ids, Outcome, Truth
 from spa_fo.gap.blind.statistics import Calibration, Estimate
 from spa_fo.gap.blind.targets import (
     LARGE,
@@ -234,6 +236,41 @@ def _column(answer: Answer) -> str:
     return next(iter(answer.top)) if len(answer.top) == 1 else PAIR
 
 
+@dataclass(frozen=True)
+class Claims:
+    """How the claimed shrinks of one kind of answer held.
+
+    Attributes
+    ----------
+    verdict : str
+        The kind of answer.
+    answers : int
+        So many there were.
+    claims : int
+        So many of them claim a shrink.
+    close, covered : Estimate
+        Of the claims that can be judged: the rates within ten points, and of intervals that hold.
+    """
+
+    verdict: str
+    answers: int
+    claims: int
+    close: Estimate
+    covered: Estimate
+
+
+def claims(outcomes: Sequence[Outcome]) -> tuple[Claims, ...]:
+    """Part the claimed shrinks by the kind of answer; kinds that never claim any are left out."""
+    by_verdict = {
+        verdict: [o for o in outcomes if o.answer.verdict == verdict] for verdict in VERDICTS
+    }
+    return tuple(
+        Claims(verdict, len(own), claimed, claims_close(own), claims_cover(own))
+        for verdict, own in by_verdict.items()
+        if (claimed := sum(o.answer.claim is not None for o in own))
+    )
+
+
 _CONFUSIONS: Mapping[str, Group] = {
     "rich protocol": lambda t: rich_large(t) or cases("no_effect", "rich")(t),
     "up-steps": lambda t: up_large(t) or cases("no_effect", "up_steps")(t),
@@ -265,6 +302,8 @@ class Scores:
     shrink : tuple of ShrinkPoint
     shrink_left_out : int
         Claims that cannot be judged: the gap on the unseen trials is too near the floor.
+    claims : tuple of Claims
+        By kind of answer.
     equivalents : mapping of str to list of str
         What counted as a fair answer for an effect that the library lacks.
     """
@@ -282,6 +321,7 @@ class Scores:
     confusion: Mapping[str, Confusion]
     shrink: tuple[ShrinkPoint, ...]
     shrink_left_out: int
+    claims: tuple[Claims, ...]
     equivalents: Mapping[str, list[str]]
 
     def to_dict(self) -> dict[str, Any]:
@@ -330,6 +370,7 @@ def score(outcomes: Sequence[Outcome]) -> Scores:
         },
         shrink=shrink,
         shrink_left_out=sum(o.answer.claim is not None for o in outcomes) - len(shrink),
+        claims=claims(outcomes),
         equivalents={
             _row(o.truth): sorted(o.truth.equivalents) for o in outcomes if o.truth.is_missing
         },
