@@ -1,6 +1,6 @@
 """Fit and diagnose the campaigns that others measured; figures and pages for docs/real_data.
 
-    python benchmarks/real_data.py ../shared/data
+    python benchmarks/real_data.py data
 
 reads `soft_arm_steps` and `bellow_bending` there as `examples/` does, and writes nothing of them
 but what is made of them.

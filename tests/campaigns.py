@@ -67,7 +67,7 @@ def write_yaml(folder: Path, campaign: dict[str, Any]) -> None:
     (folder / "campaign.yaml").write_text(yaml.safe_dump(campaign, sort_keys=False))
 
 
-def step_campaign(folder: Path, trials: int = 4) -> dict[str, Any]:
+def step_campaign(folder: Path, trials: int = 4, rate_hz: float = 25.0) -> dict[str, Any]:
     """Write a campaign of steps to 30° and 60°; return its campaign.yaml as a document."""
     gain_deg = math.degrees(TRUTH["b0"] / TRUTH["a0"])
     experiments = []
@@ -75,8 +75,8 @@ def step_campaign(folder: Path, trials: int = 4) -> dict[str, Any]:
         entries = []
         for trial in range(trials):
             file = f"step_{setpoint:.0f}/trial_{trial + 1:02d}.csv"
-            command = step_command(REFERENCE_KPA * setpoint / gain_deg)
-            write_log(folder / file, command, 25.0, seed=10 * place + trial)
+            command = step_command(REFERENCE_KPA * setpoint / gain_deg, rate_hz)
+            write_log(folder / file, command, rate_hz, seed=10 * place + trial)
             order = 2 * trial + place + 1
             entries.append({"file": file, "order": order, "started_s": 60.0 * (order - 1)})
         experiments.append(
@@ -93,14 +93,17 @@ def step_campaign(folder: Path, trials: int = 4) -> dict[str, Any]:
     return campaign
 
 
-def free_campaign(folder: Path) -> dict[str, Any]:
-    """Write a campaign of one staircase, which has no up-steps to fit."""
-    levels = np.repeat([0.0, 10.0, 20.0, 30.0, 20.0, 0.0], 125)
-    write_log(folder / "stairs" / "trial_01.csv", levels, 25.0, seed=5)
-    entry = {"file": "stairs/trial_01.csv", "order": 1, "started_s": 0.0}
+def free_campaign(folder: Path, trials: int = 1, sign: float = 1.0) -> dict[str, Any]:
+    """Write a campaign of staircases, which have no up-steps to fit; `sign` -1: of vacuum."""
+    levels = sign * np.repeat([0.0, 10.0, 20.0, 30.0, 20.0, 0.0], 125)
+    entries = []
+    for order in range(1, trials + 1):
+        file = f"stairs/trial_{order:02d}.csv"
+        write_log(folder / file, levels, 25.0, seed=4 + order)
+        entries.append({"file": file, "order": order, "started_s": 90.0 * (order - 1)})
     campaign = document(
         folder.name,
-        [{"name": "stairs", "setpoint_deg": None, "protocol": "free", "trials": [entry]}],
+        [{"name": "stairs", "setpoint_deg": None, "protocol": "free", "trials": entries}],
     )
     write_yaml(folder, campaign)
     write_sums(folder)

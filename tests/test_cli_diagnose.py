@@ -83,7 +83,7 @@ def test_no_gap_is_an_answer(
     answer, _, page = captured.out.splitlines()
     assert answer == "No gap: the model stands as it is."
     assert Path(page) == out / "diagnosis.md"
-    assert captured.err.startswith("reading the campaign\n")
+    assert captured.err.startswith("fitting explanations of the angle")
     document = json.loads((out / "diagnosis.json").read_text())
     assert document["verdict"] == {"kind": "no_gap", "sets": [], "next_experiment": None}
     assert document["shrink"] is None
@@ -198,9 +198,14 @@ def _with_creep(document: dict[str, Any]) -> None:
     document["effects"] = [{"id": "creep", "stage": "actuator", "parameters": parameters}]
 
 
+def _bending_back(document: dict[str, Any]) -> None:
+    document["transfer_function"]["b0"] = -0.9
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
+        (_bending_back, "transfer_function.b0: expected a positive number"),
         (_without_a1, "transfer_function.a1: missing"),
         (_with_creep, "effects: holds effects; expected a plain model"),
     ],

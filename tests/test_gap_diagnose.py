@@ -140,6 +140,7 @@ def test_an_unknown_cause_is_held_against_the_last_trials(tmp_path, monkeypatch)
     document = run(folder, folder / "unknown")
     assert document["verdict"]["kind"] == "unknown"
     assert document["shrink"]["held_out_on"] == "the last 4 of 14 trials"
+    assert document["evidence"]["held_out_on"] == "the last 4 of 14 trials"
 
 
 def test_no_effect_is_no_gap(tmp_path):

@@ -50,6 +50,36 @@ def test_the_fraction_is_that_of_the_squares_above_the_floor() -> None:
     assert (found.before_rmse_deg, found.after_rmse_deg) == (2.0, 1.0)
 
 
+def test_errors_are_of_single_samples_their_white_noise_included() -> None:
+    """An averaged sample stands for as many as were averaged, each with its own noise."""
+    counts, noise = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), 0.3
+    errors = {"plain": 2.0, "refit": 1.5, "explained": 1.0, "ceiling": 0.8}
+    curves = {name: size * np.array([1.0, -1.0, 2.0, 0.5, 1.0]) for name, size in errors.items()}
+    evidence: Any = SimpleNamespace(
+        grid=SimpleNamespace(
+            sample_trial=np.array([0, 0, 1, 1, 1]),
+            counts=counts,
+            angle_deg=np.zeros(5),
+            time_s=np.arange(5.0),
+        ),
+        noise_deg=noise,
+        rows=[np.array([0, 1]), np.array([2, 3, 4])],
+    )
+    held = HeldOut(np.ones(2, dtype=bool), "all")
+    found = shrink(evidence, held, curves, FLOOR, np.random.default_rng(1))
+
+    def of_single_samples(curve: np.ndarray) -> float:
+        total = 0.0
+        for missed, count in zip(curve, counts, strict=True):
+            total += count * missed**2 + (count - 1.0) * noise**2
+        return float(np.sqrt(total / counts.sum()))
+
+    assert found.before_rmse_deg == pytest.approx(of_single_samples(curves["plain"]))
+    assert found.refit_only_rmse_deg == pytest.approx(of_single_samples(curves["refit"]))
+    assert found.after_rmse_deg == pytest.approx(of_single_samples(curves["explained"]))
+    assert found.ceiling_rmse_deg == pytest.approx(of_single_samples(curves["ceiling"]))
+
+
 def test_no_more_than_the_whole_gap_closes_and_the_formula_holds_of_what_is_written() -> None:
     found = measured({"plain": missing(2, 2, 2), "explained": missing(0.3, 0.3, 0.3)}, 3)
     before, after, floor = found.before_rmse_deg, found.after_rmse_deg, found.noise_floor_deg

@@ -40,6 +40,18 @@ def test_unknown_keeps_only_the_part_that_is_explained():
     assert verdict.sets == (("creep",),)
 
 
+def test_given_a_gap_unknown_may_be_more_probable_than_all_that_is_named():
+    every = [scored((), 0.55), scored(("creep",), 0.3), scored(("leak",), 0.15)]
+    assert judge(every, 0.4, 0.1, True).kind == "unknown"
+    assert judge(every, 0.2, 0.1, True).kind == "ambiguous"
+
+
+def test_only_the_plain_model_may_be_left():
+    every = [scored(("creep",), 1.0), scored((), 0.0)]
+    (left,) = beating(every, {("creep",): (2.0, 2.0)}, (1.0, 1.0))
+    assert (left.named, left.probability) == ((), 1.0)
+
+
 def test_stage_shares_weigh_by_square_and_probability():
     every = [
         scored(("leak", "creep"), 0.5, {"leak": 1.0, "creep": 3.0}),

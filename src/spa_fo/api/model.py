@@ -166,12 +166,16 @@ class Model:
         from spa_fo.api.diagnosis import Diagnosis
         from spa_fo.gap.diagnose import check_request, diagnose
 
-        tell = progress or _silent
         check_request(self.document, exclude, self.source)
         if not isinstance(campaign, Campaign):
-            tell("reading the campaign")
             campaign = Campaign.load(campaign)
-        found = diagnose(campaign.data, self.document, excluded=exclude, seed=seed, progress=tell)
+        found = diagnose(
+            campaign.data,
+            self.document,
+            excluded=exclude,
+            seed=seed,
+            progress=progress or _silent,
+        )
         return Diagnosis(found.to_dict(), found)
 
     def approximate(

@@ -306,7 +306,10 @@ class _Fitter:
 
     def grow(self, names: Sequence[str], level: str) -> None:
         """Add effect after effect to the best set, while each adds far more than it costs."""
-        best = best_fit([fit for (_, own), fit in self.fits.items() if own == level])
+        fits = [fit for (_, own), fit in self.fits.items() if own == level]
+        if not fits:
+            return  # the library lacks nearly everything
+        best = best_fit(fits)
         while 2 <= len(best.ids) < _MOST_TOGETHER:
             wider = [
                 self.joined(ordered((*best.ids, name)), level, _GROWING_STEPS)

@@ -104,7 +104,8 @@ def claim(
     for s in leading:
         by_fold = [part.explained[s.named] for part in parts]
         errors[s.named] = rmse(everything, _assembled(by_fold, folds, everything), where)
-    if not verdict.sets or parts[0].chosen is None:
+    unproved = verdict.kind == "unknown" and not held.trials.any()
+    if not verdict.sets or parts[0].chosen is None or unproved:
         return Claim(held, curves, errors, None)
     scatter = _scatter(everything, parts[0].chosen, curves["explained"], floor_deg)
     closed = shrink(everything, held, curves, scatter, rng)

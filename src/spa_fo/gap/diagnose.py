@@ -44,7 +44,7 @@ COMMONEST = "hysteresis"
 _SAME_MODEL = 0.01  # of the static gain: two step responses nearer than that are one model
 _BY_CHANCE = {"mains_pickup", "sensor_slip"}  # phases and jumps that nobody can foretell
 _AS_REPEATED = 1.15  # noise floors
-_DOUBTED = 1.0 / 3.0  # probability of no gap: a gap is claimed where it is twice as probable
+_DOUBTED = 0.5  # probability of no gap below which a gap is claimed
 _WORTH_TESTING = 0.01  # probability from which an explanation's predictions are tried
 
 
@@ -98,7 +98,6 @@ def diagnose_files(
     """
     plain = read_model(model_path)
     check_request(plain, exclude, model_path)
-    progress("reading the campaign")
     data = read_trials(read_campaign(folder))
     return diagnose(data, plain, excluded=exclude, seed=seed, progress=progress)
 
@@ -109,10 +108,13 @@ def check_request(plain: Model, exclude: Sequence[str], source: Path | str = "mo
     Raises
     ------
     BadInput
-        The model is not plain (`source` names it), or the library has no such effect.
+        The model is not plain (`source` names it) or bends the wrong way, or the library has no
+        such effect.
     """
     if plain.effects:
         raise BadInput(source, "holds effects; expected a plain model", "effects")
+    if not plain.transfer_function.b0 > 0.0:
+        raise BadInput(source, "expected a positive number", "transfer_function.b0")
     for name in exclude:
         if name not in LIBRARY:
             raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, IDS)}")
@@ -201,11 +203,12 @@ def diagnose(
         kind=verdict.kind,
         sets=verdict.sets,
         next_experiment=_next(verdict, causes, everything, floor, missing),
+        held_out_on=claimed.held.text,
         shrink=shrunk,
         offers=offers(everything),
         misses=missing,
         findings=(
-            *findings(stress, unknown, own, verdict),
+            *findings(stress, own, verdict),
             *drive_finding(candidates, everything, held),
         ),
         baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
@@ -324,17 +327,23 @@ def _tested(
     known = unseen = _plain(everything, candidates.given)
     if candidates.own:
         unseen = _plain(everything, candidates.angles[((), "own")].x)
-    tried = {
-        s.named: simulate(s.explanation, everything)
-        for s in scored
-        if s.probability > _WORTH_TESTING and not _BY_CHANCE & set(s.named)
-    }
-    errors = {
-        named: (rmse(everything, curve, where), rmse(everything, curve, everywhere))
-        for named, curve in tried.items()
-    }
     as_repeated = max(rmse(everything, unseen, where), _AS_REPEATED * floor_deg)
-    return beating(scored, errors, (as_repeated, rmse(everything, known, everywhere)))
+    limits = (as_repeated, rmse(everything, known, everywhere))
+    kept, errors = scored, dict[Ids, tuple[float, float]]()
+    # What inherits the probability of those that fail is tried in its turn.
+    while untried := [
+        s
+        for s in kept
+        if s.named
+        and s.named not in errors
+        and s.probability > _WORTH_TESTING
+        and not _BY_CHANCE & set(s.named)
+    ]:
+        for s in untried:
+            curve = simulate(s.explanation, everything)
+            errors[s.named] = rmse(everything, curve, where), rmse(everything, curve, everywhere)
+        kept = beating(scored, errors, limits)
+    return kept
 
 
 def _plain(everything: Evidence, x: Floats) -> Floats:
@@ -465,15 +474,18 @@ def _next(
         return "The logs hold no command to plan with; " + "; ".join(misses)
     by_set = {cause.set: cause for cause in causes}
     standing = [by_set[ids] for ids in verdict.sets]
-    text, _ = next_experiment(
-        verdict.kind,
-        verdict.sets,
-        [cause.parameters for cause in standing],
-        [cause.transfer_function for cause in standing],
-        evidence,
-        floor_deg,
-        misses,
-    )
+    try:
+        text, _ = next_experiment(
+            verdict.kind,
+            verdict.sets,
+            [cause.parameters for cause in standing],
+            [cause.transfer_function for cause in standing],
+            evidence,
+            floor_deg,
+            misses,
+        )
+    except BadInput:  # a vacuum, say, which the catalogue has no profiles for
+        return "No profile can be planned within this campaign's commands; " + "; ".join(misses)
     return text
 
 
@@ -481,9 +493,9 @@ def _traces(
     evidence: Evidence, held: HeldOut, curves: Mapping[str, Floats], final: Explanation | None
 ) -> Traces:
     grid = evidence.grid
-    driven = grid.command_kpa if grid.command_kpa is not None else grid.pressure_kpa
-    assert driven is not None
-    command = grid.step_means(driven)[grid.sample_step]
+    command = np.full(grid.angle_deg.size, np.nan)
+    if grid.command_kpa is not None:
+        command = grid.step_means(grid.command_kpa)[grid.sample_step]
     fixture = evidence.fixture
     empty = np.zeros(0)
     explained = empty

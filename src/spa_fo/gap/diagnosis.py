@@ -74,7 +74,7 @@ class Shrink:
     """How far the gap closes on trials that took no part; contract §4.
 
     `ceiling_rmse_deg` is what a free-form correction reaches, without any physics; `protocol` is
-    the same on a whole protocol that took no part, with its name, where there is one.
+    the same on a whole experiment that took no part, the least like the others, where there is one.
     """
 
     held_out_on: str
@@ -102,6 +102,7 @@ class Traces:
         Within the trial. `explained_deg` is the explanation's prediction from the command, the
         plain model's where nothing is explained; `refit_deg` the plain model's identified again;
         both, of a held-out trial, by a fit that had not seen it.
+        The command is NaN where none was logged.
     pressure_kpa, drive_kpa : (n,) arrays or None
         Measured, and as the explanation's drive makes it.
     held_out : (trials,) bool array
@@ -148,6 +149,8 @@ class Diagnosis:
         Explanations that stand.
     next_experiment : str or None
         What would tell them apart, in words.
+    held_out_on : str
+        Which trials the causes' ``held_out_rmse_deg`` are of, in words.
     offers, misses : tuple of str
         What evidence the campaign holds, and what it lacks, in words.
     findings : tuple of str
@@ -171,6 +174,7 @@ class Diagnosis:
     kind: str
     sets: tuple[tuple[str, ...], ...]
     next_experiment: str | None
+    held_out_on: str
     shrink: Shrink | None
     offers: tuple[str, ...]
     misses: tuple[str, ...]
@@ -207,7 +211,12 @@ class Diagnosis:
                 "next_experiment": self.next_experiment,
             },
             "shrink": None if shrink is None else {**vars(shrink), "ci95": list(shrink.ci95)},
-            "evidence": {"offers": list(self.offers), "misses": list(self.misses)},
+            "evidence": {
+                "offers": list(self.offers),
+                "misses": list(self.misses),
+                "held_out": bool(self.traces.held_out.any()),
+                "held_out_on": self.held_out_on,
+            },
             "findings": list(self.findings),
             "baselines": dict(self.baselines),
         }

@@ -41,6 +41,7 @@ FILM_SLOTS = np.r_[
 _FIXTURE_LEVEL = 1  # steps of the fixture's simulation: 0.04 s
 _RELAX_LEVEL = 7  # and of the time the sensor lies flat: 2.6 s
 _FIXTURE_FLOOR_DEG = 0.06
+_FORGOTTEN = 10.0  # times the longest time of a creep: nothing is left of it
 
 
 @dataclass(frozen=True)
@@ -161,6 +162,8 @@ class Evidence:
         What later calibrations read through the first curve, less what it read.
     drift_angle_deg : (m,) array
         At which angles.
+    drift_after : (m,) array
+        How many trials came before that calibration.
     pressure_noise_kpa : float
         White noise of one pressure sample; NaN without.
     rows : list of arrays
@@ -187,6 +190,7 @@ class Evidence:
     drift_deg: Floats
     drift_sigma_deg: Floats
     drift_angle_deg: Floats
+    drift_after: Integers
     pressure_noise_kpa: float
     rows: list[Integers] = field(default_factory=list)
     takes_part: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, dtype=bool))
@@ -265,7 +269,7 @@ def collect(data: CampaignData) -> Evidence:
         )
     rows = [np.flatnonzero(grid.sample_trial == i) for i in range(len(grid.trials))]
     support, support_index, supports = _supports(grid, experiment, rows)
-    drift, sigma, angles = _drifts(data)
+    drift, sigma, angles, after = _drifts(data, grid)
     return Evidence(
         data=data,
         grid=grid,
@@ -281,6 +285,7 @@ def collect(data: CampaignData) -> Evidence:
         drift_deg=drift,
         drift_sigma_deg=sigma,
         drift_angle_deg=angles,
+        drift_after=after,
         pressure_noise_kpa=pressure_noise,
         rows=rows,
         takes_part=np.ones(len(grid.trials), dtype=bool),
@@ -389,7 +394,8 @@ def _curve_sigma(calibration: Calibration | None, bare: bool = False) -> Floats:
     if bare:
         # Its hysteresis makes the curve look as rough as it is wide.
         at_knots = np.minimum(at_knots, _BARE_CURVE_DEG)
-    sigma = np.interp(knots, calibration.angles_deg, at_knots)
+    rising = np.argsort(calibration.angles_deg)  # counts may fall with the angle
+    sigma = np.interp(knots, calibration.angles_deg[rising], at_knots[rising])
     low, high = calibration.range_deg
     # The curve is a line beyond its ends, and real sensors are not.
     sigma = np.where(knots < low, 0.3 * (low - knots), sigma)
@@ -397,13 +403,19 @@ def _curve_sigma(calibration: Calibration | None, bare: bool = False) -> Floats:
     return np.asarray(np.hypot(sigma, _CURVE_FLOOR_DEG))
 
 
-def _drifts(data: CampaignData) -> tuple[Floats, Floats, Floats]:
-    if not data.drifts or data.calibration is None:
-        return np.zeros(0), np.zeros(0), np.zeros(0)
+def _drifts(data: CampaignData, grid: CampaignGrid) -> tuple[Floats, Floats, Floats, Integers]:
+    curve = data.calibration
+    if not data.drifts or curve is None:
+        return np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
     drift = np.concatenate([item.drift_deg for item in data.drifts])
     angle = np.concatenate([item.angles_deg for item in data.drifts])
-    sigma = np.interp(angle, data.calibration.angles_deg, data.calibration.sigma_knots_deg)
-    return drift, np.hypot(sigma, 0.1), angle
+    rising = np.argsort(curve.angles_deg)  # counts may fall with the angle
+    sigma = np.interp(angle, curve.angles_deg[rising], curve.sigma_knots_deg[rising])
+    before = [
+        sum(trial.started_s < item.started_s for trial in grid.trials) for item in data.drifts
+    ]
+    after = np.repeat(before, [item.drift_deg.size for item in data.drifts])
+    return drift, np.hypot(sigma, 0.1), angle, after
 
 
 def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | None:
@@ -446,6 +458,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
         last = calibration.dwells[-1]
         finish = calibration.started_s + last.started_s - calibration.dwells[0].started_s
         rest = max(starts_s - finish - float(last.t_s[-1]), 100.0) if number == 0 else 100.0
+        rest = min(rest, _FORGOTTEN * CREEP_TIMES_S[-1])
         relax = round(rest / STEPS_S[_RELAX_LEVEL])
         level.append(np.full(at - start, _FIXTURE_LEVEL))
         level.append(np.full(relax, _RELAX_LEVEL))
@@ -455,7 +468,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
     average = np.eye(len(groups))
     for key in set(groups):
         members = [i for i, group in enumerate(groups) if group == key]
-        still = [i for i in members if settled[i]]
+        still = [i for i in members if settled[i]] or members
         for i in members:
             average[i, still] -= 1.0 / len(still)
     centred = average @ np.array(deviation)

@@ -341,9 +341,7 @@ class AngleProblem:
         quick, _ = self.chain.seated(seat).run(paced(to_x(z), 1.0 + _PACE_STEP), e)
         pace = (quick - y) / _PACE_STEP
         curve = curve_columns(y)
-        late = np.zeros((y.size, 1))
-        for rows in evidence.rows:
-            late[rows, 0] = -np.gradient(y[rows], grid.time_s[rows])
+        late = -grid.slopes(y)[:, None]
         blocks = []
         trials = len(grid.trials)
         for i, rows in enumerate(evidence.rows):
@@ -433,9 +431,10 @@ class AngleProblem:
 
     def _drift_block(self) -> Block:
         evidence = self.evidence
-        rows = evidence.drift_deg.size
-        zero = np.ones((rows, 1 + self.steps.size))
-        zero[:, 0] = float(evidence.grid.orders.max())
+        rows, after = evidence.drift_deg.size, evidence.drift_after
+        zero = np.empty((rows, 1 + self.steps.size))
+        zero[:, 0] = np.append(0.0, evidence.grid.orders)[after]
+        zero[:, 1:] = np.arange(self.steps.size) < after[:, None]
         # A curve that has changed since it was calibrated shows again in a later calibration.
         shape = curve_columns(evidence.drift_angle_deg) if self.changed else np.zeros((rows, 0))
         index = self.curve if self.changed else self.curve[:0]

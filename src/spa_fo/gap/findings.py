@@ -26,6 +26,8 @@ def offers(evidence: Evidence) -> tuple[str, ...]:
     found = [f"{len(trials)} trials: {', '.join(protocols)}"]
     if evidence.has_pressure:
         found.append("measured pressure, which tells the drive from the actuator")
+    elif evidence.grid.measured_kpa is not None:
+        found.append("measured pressure, which drives the model")
     if len(evidence.data.calibrations) > 1:
         found.append("calibrations before and after, which show the sensor's own drift")
     if evidence.fixture is not None:
@@ -38,8 +40,12 @@ def misses(evidence: Evidence) -> tuple[str, ...]:
     trials = evidence.grid.trials
     protocols = {trial.protocol for trial in trials}
     missing = []
-    if not evidence.has_pressure:
+    if evidence.grid.measured_kpa is None:
         missing.append("measured pressure: drive and actuator cannot be told apart by it")
+    elif not evidence.has_pressure:
+        missing.append(
+            "the command: the pressure drives the model, and what drives it is not asked"
+        )
     if protocols <= {"step"}:
         missing.append("release: hysteresis, play and creep hardly show in up-steps")
     if not protocols & {"staircase", "triangle", "free"}:
@@ -71,12 +77,13 @@ def drive_finding(candidates: Candidates, everything: Evidence, held: HeldOut) -
     )
     if after > _PRESSURE_EXPLAINED * before:
         return ()
+    tried_on = ", on trials left out of that fit," if held.trials.any() else ""
     effects = " + ".join(
         f"{name} ({', '.join(_values(name, fit.effects[LIBRARY[name].slots]))})" for name in fit.ids
     )
     return (
-        f"The measured pressure by itself: {effects} takes what the command misses of it on the "
-        f"held-out trials from {before:.3g} to {after:.3g} kPa.",
+        f"The measured pressure by itself: {effects} takes what the command misses of "
+        f"it{tried_on} from {before:.3g} to {after:.3g} kPa.",
     )
 
 
@@ -87,15 +94,13 @@ def _values(name: str, values: Floats) -> list[str]:
     ]
 
 
-def findings(stress: Stress, unknown: float, own: bool, verdict: Verdict) -> tuple[str, ...]:
+def findings(stress: Stress, own: bool, verdict: Verdict) -> tuple[str, ...]:
     """Say how sure the answer is.
 
     Parameters
     ----------
     stress : Stress
         What the best explanation leaves.
-    unknown : float
-        Probability that the library lacks the cause.
     own : bool
         Whether the model was fitted to this campaign.
     verdict : Verdict
@@ -110,12 +115,17 @@ def findings(stress: Stress, unknown: float, own: bool, verdict: Verdict) -> tup
         "drift": "the later calibration shows",
         "trials": "the trials' own gain or rest angle shows, going with their order",
     }
-    if unknown > 0.5 and not verdict.best.named:
+    if verdict.kind == "unknown" and not any(s.named for s in verdict.scored):
         found.append("No explanation of the library holds on the trials that took no part.")
-    elif unknown > 0.5:
+    elif verdict.kind == "unknown" and loud > 1.0:
         found.append(
             f"The best explanation leaves what {names[kind]}: {loud:.1f} times as much as a right "
             "one would."
+        )
+    elif verdict.kind == "unknown":
+        found.append(
+            "The best explanation leaves no more than a right one would, but only by liberties "
+            "that a right one does not take: coefficients moved, corrections, helpers."
         )
     elif verdict.kind != "no_gap":
         found.append(

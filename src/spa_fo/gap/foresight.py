@@ -319,11 +319,8 @@ class _View:
     def _angle_rows(self, slopes: Floats, pace: Floats, floor_deg: float) -> _Rows:
         grid, y = self.grid, self.angle_deg
         trials = [np.flatnonzero(grid.sample_trial == i) for i in range(len(grid.trials))]
-        late = np.empty(y.size)
-        for rows in trials:
-            late[rows] = -np.gradient(y[rows], grid.time_s[rows])
         return _Rows(
-            np.column_stack([slopes, late, curve_columns(y)]),
+            np.column_stack([slopes, -grid.slopes(y), curve_columns(y)]),
             np.asarray(self.seconds / (_PIECE_S * floor_deg**2)),
             np.column_stack([slopes[:, LN_GAIN], np.ones(y.size), pace])
             * SCALES[[GAIN, OFFSET, PACE]],

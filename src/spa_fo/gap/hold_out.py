@@ -88,7 +88,8 @@ def last_trials(evidence: Evidence) -> HeldOut:
     orders = evidence.grid.orders
     out = np.zeros(orders.size, dtype=bool)
     out[np.argsort(orders)[orders.size - max(1, round(_MOST * orders.size)) :]] = True
-    return HeldOut(out, f"the last {out.sum()} of {out.size} trials")
+    last = f"the last {out.sum()}" if out.sum() > 1 else "the last"
+    return HeldOut(out, f"{last} of {out.size} trials")
 
 
 def judged(evidence: Evidence, held: HeldOut) -> NDArray[np.bool_]:

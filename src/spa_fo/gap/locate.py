@@ -93,11 +93,9 @@ def _amplitude(predicted: Floats) -> Strings:
 
 def _direction(evidence: Evidence, predicted: Floats) -> Strings:
     label = np.full(predicted.size, "still", dtype="<U8")
-    for rows in evidence.rows:
-        if rows.size > 1:
-            rate = np.gradient(predicted[rows], evidence.grid.time_s[rows])
-            label[rows[rate > _STILL]] = "bending"
-            label[rows[rate < -_STILL]] = "relaxing"
+    rate = evidence.grid.slopes(predicted)
+    label[rate > _STILL] = "bending"
+    label[rate < -_STILL] = "relaxing"
     return label
 
 

@@ -21,6 +21,7 @@ _LOCKED = 0.01  # probability of phases so much alike by chance
 _SHOWS = 0.3  # of the trials' amplitude
 _UNEVEN = 1.6
 _FEWEST = 4  # samples of a step that say something about what is fast
+_FEWEST_FAST = 32  # such samples in all
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def fast_line(evidence: Evidence) -> Pickup:
     """Find the strongest line above 3 Hz, and how much it explains.
 
     Its phase is each trial's own, its amplitude one for all; the search over frequencies is paid
-    for.
+    for. Logs too slow to show one have none.
     """
     rate, pieces = _fast(evidence)
     frequency = np.fft.rfftfreq(_PADDED, 1.0 / rate)
@@ -63,6 +64,8 @@ def fast_line(evidence: Evidence) -> Pickup:
     best = int(np.argmax(power))
     n = sum(count for count, _ in per_trial)
     total = sum(float(np.nansum(piece**2)) for piece in pieces)
+    if n < _FEWEST_FAST or total <= 0.0:
+        return Pickup(0.0, 0.0, 0.0, False)
     noise = max(total - float(power[best]), 1e-9 * total) / n
     q = np.array([spectrum[best] / (max(count, 1) * noise) for count, spectrum in per_trial])
     counts = np.array([count for count, _ in per_trial])
@@ -76,11 +79,16 @@ def fast_line(evidence: Evidence) -> Pickup:
 
 
 def _fast(evidence: Evidence) -> tuple[float, list[Floats]]:
-    """Take what the angle does within the averaging steps: on a uniform grid, NaN in its gaps."""
+    """Take what the angle does within the averaging steps: on a uniform grid, NaN in its gaps.
+
+    Of the trials that take part.
+    """
     grid = evidence.grid
     interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in grid.trials])))
     pieces = []
-    for trial, rows in zip(grid.trials, evidence.rows, strict=True):
+    for trial, rows, used in zip(grid.trials, evidence.rows, evidence.takes_part, strict=True):
+        if not used:
+            continue
         good = ~trial.after_reset
         t = trial.t_s[good]
         smooth = np.interp(t, grid.time_s[rows], grid.angle_deg[rows])

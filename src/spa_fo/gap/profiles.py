@@ -94,7 +94,7 @@ def limits_of(grid: CampaignGrid) -> Limits:
         signal = trial.command_kpa if trial.command_kpa is not None else trial.pressure_kpa
         assert signal is not None
         apart = np.diff(trial.t_s)
-        change = np.abs(np.diff(signal))
+        change = np.abs(np.diff(signal, prepend=0.0))  # a log may begin at its full command
         if trial.command_kpa is not None and np.any(change > _JUMP * largest):
             steepest = math.inf
         elif np.any(apart > 0.0):
@@ -103,7 +103,7 @@ def limits_of(grid: CampaignGrid) -> Limits:
             slope = np.abs(np.diff(np.interp(at, trial.t_s, signal))) / 0.25
             steepest = max(steepest, float(slope.max()))
         longest = max(longest, float(trial.t_s[-1]))
-    return Limits(largest, longest, steepest)
+    return Limits(largest, longest, steepest or math.inf)
 
 
 class _Pen:

@@ -93,9 +93,15 @@ def rival(
 
 def _number(given: Any) -> float:
     value = given["value"] if isinstance(given, Mapping) else given
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"expected a finite number, found {value!r}")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError("expected a finite number")
+    return number
 
 
 @dataclass(frozen=True)
@@ -173,7 +179,7 @@ class _Reader:
             self.refuse("verdict.sets", f"expected more sets with the verdict '{kind}'")
         gap = self._section(document, "gap", "gap")
         floor = gap.get("noise_floor_deg")
-        if isinstance(floor, bool) or not isinstance(floor, int | float) or not floor > 0.0:
+        if isinstance(floor, bool) or not isinstance(floor, int | float) or not 0.0 < floor < 1e6:
             self.refuse("gap.noise_floor_deg", f"expected a positive number, found {floor!r}")
         evidence = document.get("evidence")
         misses = evidence.get("misses") if isinstance(evidence, Mapping) else None
@@ -221,7 +227,7 @@ class _Reader:
         if not isinstance(ids, list) or not ids:
             self.refuse("verdict.sets", f"expected lists of effects, found {ids!r}")
         for name in ids:
-            if name not in LIBRARY:
+            if not isinstance(name, str) or name not in LIBRARY:
                 near = suggestion(str(name), IDS)
                 self.refuse("verdict.sets", f"'{name}' is no known effect{near}")
         for index, cause in enumerate(causes):

@@ -245,8 +245,8 @@ def beating(
         or all(own < most for own, most in zip(errors.get(s.named, ()), limits, strict=False))
     ]
     total = sum(s.probability for s in kept)
-    if total <= 0.0:
-        return list(scored)
+    if total <= 0.0:  # nothing is left but the plain model, however improbable it was beside them
+        return [replace(s, probability=float(not s.named)) for s in kept]
     kept = [replace(s, probability=s.probability / total) for s in kept]
     return sorted(kept, key=lambda s: -s.probability)
 
@@ -263,7 +263,8 @@ def judge(scored: Sequence[Scored], unknown: float, p_value: float, significant:
     p_value : float
         Of no gap.
     significant : bool
-        Whether there is a gap at all.
+        Whether there is a gap at all. The cause is unknown where, given a gap, that is more
+        probable than all that is named together.
     """
     kind: Kind
     named = [s for s in scored if s.named]
@@ -277,7 +278,7 @@ def judge(scored: Sequence[Scored], unknown: float, p_value: float, significant:
             break
         standing.append(s.named)
         held += s.probability
-    if unknown > 0.5:
+    if unknown > total * (1.0 - unknown):
         kind = "unknown"
         standing = standing[:1]
     else:

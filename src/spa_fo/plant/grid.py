@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +96,15 @@ class CampaignGrid:
         ends_s = _ends_s(level)
         step = _step_at(ends_s, t_s)
         return first + step, _share(ends_s, level, step, t_s)
+
+    def slopes(self, values: Floats) -> Floats:
+        """Slope over time of a signal at the averaged samples; 0 where a trial has but one."""
+        slope = np.zeros(values.size)
+        edges = np.searchsorted(self.sample_trial, np.arange(len(self.trials) + 1))
+        for first, end in pairwise(edges.tolist()):
+            if end - first > 1:
+                slope[first:end] = np.gradient(values[first:end], self.time_s[first:end])
+        return slope
 
     def step_means(self, cells: Floats) -> Floats:
         """Average a signal given on cells over the steps; 0 in the rests."""

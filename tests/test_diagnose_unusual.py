@@ -1,0 +1,189 @@
+"""Diagnoses of campaigns at the edge of what is legal: an answer each, and never a traceback."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import campaigns
+from spa_fo.cli import main
+from spa_fo.gap.evidence import Evidence, _curve_sigma, _drifts, collect
+from spa_fo.gap.explain import AngleProblem
+from spa_fo.gap.pickup import _fast, fast_line
+from spa_fo.gap.profiles import limits_of
+from spa_fo.gap.verdict import Scored
+from spa_fo.plant.effects.library import IDS
+from spa_fo.plant.grid import CampaignGrid
+from spa_fo.rig import read_campaign, read_trials
+from test_cli_diagnose import FEW, write_model
+
+
+@pytest.fixture(scope="module")
+def softer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    changed = campaigns.TRUTH | {"b0": 1.1 * campaigns.TRUTH["b0"]}
+    return write_model(tmp_path_factory.mktemp("model") / "m.json", transfer_function=changed)
+
+
+def answer(folder: Path, model: Path, out: Path, *more: str) -> dict[str, Any]:
+    assert main(["diagnose", str(folder), "--model", str(model), "--out", str(out), *more]) == 0
+    found: dict[str, Any] = json.loads((out / "diagnosis.json").read_text())
+    return found
+
+
+def evidence_of(folder: Path) -> Evidence:
+    return collect(read_trials(read_campaign(folder)))
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0, 10.0])
+def test_slow_logs(rate_hz: float, softer: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "slow"
+    campaigns.step_campaign(folder, trials=3, rate_hz=rate_hz)
+    assert fast_line(evidence_of(folder)).fast_gain == 0.0
+    found = answer(folder, softer, tmp_path / "out", *FEW)
+    # At one sample a second the response itself looks like noise.
+    assert found["gap"]["significant"] or rate_hz == 1.0
+
+
+def test_a_fast_line_is_looked_for_in_the_trials_that_take_part(tmp_path: Path) -> None:
+    folder = tmp_path / "steps"
+    campaigns.step_campaign(folder, trials=2)
+    evidence = evidence_of(folder)
+    _, all_of_them = _fast(evidence)
+    _, others = _fast(replace(evidence, takes_part=np.array([True, False, True, True])))
+    assert (len(all_of_them), len(others)) == (4, 3)
+
+
+def test_a_library_without_anything(softer: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "steps"
+    campaigns.step_campaign(folder, trials=3)
+    without = [word for name in IDS for word in ("--exclude-effect", name)]
+    found = answer(folder, softer, tmp_path / "out", *without)
+    assert found["verdict"]["kind"] == "unknown"
+    assert found["verdict"]["sets"] == []
+    assert found["shrink"] is None
+
+
+def test_a_single_trial_proves_nothing_of_an_unknown_cause(
+    softer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "stairs"
+    campaigns.free_campaign(folder)
+    module = importlib.import_module("spa_fo.gap.diagnose")
+    judged = module._verdict
+    monkeypatch.setattr(module, "_verdict", lambda scored, _: judged(scored, 0.9))
+    found = answer(folder, softer, tmp_path / "out", *FEW)
+    assert found["verdict"]["kind"] == "unknown"
+    assert found["shrink"] is None
+    assert found["evidence"]["held_out_on"].startswith("no trial was left to hold out")
+
+
+def test_a_vacuum_has_an_answer_though_no_profile(
+    softer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "vacuum"
+    campaigns.free_campaign(folder, trials=3, sign=-1.0)
+    module = importlib.import_module("spa_fo.gap.diagnose")
+    judged = module._verdict
+    monkeypatch.setattr(
+        module, "_verdict", lambda *given: replace(judged(*given), kind="ambiguous")
+    )
+    found = answer(folder, softer, tmp_path / "out", *FEW)
+    assert found["verdict"]["next_experiment"].startswith("No profile can be planned")
+
+
+def test_logs_of_a_constant_command_set_no_limit_to_its_rate(tmp_path: Path) -> None:
+    folder = tmp_path / "held"
+    campaign = campaigns.free_campaign(folder)
+    campaigns.write_log(folder / "stairs/trial_01.csv", np.full(250, 30.0), 25.0, seed=1)
+    campaigns.write_yaml(folder, campaign)
+    campaigns.write_sums(folder)
+    limits = limits_of(evidence_of(folder).grid)
+    assert limits.rate_kpa_s == np.inf
+    assert limits.pressure_kpa == pytest.approx(30.0)
+
+
+def test_a_trial_of_one_averaged_sample_has_no_slope() -> None:
+    grid = SimpleNamespace(
+        trials=[None] * 3,
+        sample_trial=np.array([0, 0, 0, 1, 2, 2]),
+        time_s=np.array([0.0, 1.0, 2.0, 0.1, 0.0, 0.5]),
+    )
+    slopes = CampaignGrid.slopes(grid, np.array([0.0, 2.0, 4.0, 7.0, 1.0, 0.0]))  # type: ignore[arg-type]
+    assert slopes == pytest.approx([2.0, 2.0, 2.0, 0.0, -2.0, -2.0])
+
+
+def falling_curve() -> SimpleNamespace:
+    """Counts that fall with the angle: the knots, sorted by counts, run downwards."""
+    return SimpleNamespace(
+        angles_deg=np.array([90.0, 60.0, 30.0, 0.0]),
+        sigma_knots_deg=np.array([0.9, 0.6, 0.3, 0.1]),
+        range_deg=(0.0, 90.0),
+    )
+
+
+def test_errors_of_a_curve_whose_counts_fall_with_the_angle() -> None:
+    sigma = _curve_sigma(falling_curve())  # type: ignore[arg-type]
+    rising = falling_curve()
+    rising.angles_deg, rising.sigma_knots_deg = (
+        rising.angles_deg[::-1],
+        rising.sigma_knots_deg[::-1],
+    )
+    assert sigma == pytest.approx(_curve_sigma(rising))  # type: ignore[arg-type]
+
+
+def test_a_calibration_between_trials_shows_the_slip_so_far() -> None:
+    drifts = [
+        SimpleNamespace(drift_deg=np.full(2, value), angles_deg=np.array([60.0, 0.0]), started_s=at)
+        for value, at in ((0.1, -50.0), (0.2, 90.0), (0.3, 900.0))
+    ]
+    data = SimpleNamespace(drifts=drifts, calibration=falling_curve())
+    trials = [SimpleNamespace(started_s=at) for at in (0.0, 60.0, 120.0)]
+    drift, sigma, _, after = _drifts(data, SimpleNamespace(trials=trials))  # type: ignore[arg-type]
+    assert sigma == pytest.approx(np.tile(np.hypot([0.6, 0.1], 0.1), 3))
+    assert after.tolist() == [0, 0, 2, 2, 3, 3]
+    problem = SimpleNamespace(
+        evidence=SimpleNamespace(
+            drift_deg=drift,
+            drift_sigma_deg=sigma,
+            drift_after=after,
+            grid=SimpleNamespace(orders=np.array([1, 4, 5])),
+        ),
+        steps=np.array([7, 8, 9]),
+        changed=False,
+        curve=np.array([3]),
+        walk=6,
+    )
+    block = AngleProblem._drift_block(problem)  # type: ignore[arg-type]
+    assert block.index.tolist() == [6, 7, 8, 9]
+    assert block.columns[::2].tolist() == [[0, 0, 0, 0], [4, 1, 1, 0], [5, 1, 1, 1]]
+
+
+@pytest.mark.parametrize(("last", "stands"), [(2.0, [()]), (0.5, [("leak",), ()])])
+def test_what_inherits_the_probability_is_tried_too(
+    last: float, stands: list[tuple[str, ...]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = importlib.import_module("spa_fo.gap.diagnose")
+    monkeypatch.setattr(module, "simulate", lambda explanation, _: explanation.error)
+    monkeypatch.setattr(module, "rmse", lambda _, curve, __: curve)
+    monkeypatch.setattr(module, "judged", lambda *_: np.ones(1, dtype=bool))
+    monkeypatch.setattr(module, "_plain", lambda *_: 1.0)
+    every = [
+        Scored(SimpleNamespace(ids=ids, error=error), ids, {}, 0.0, 0.0, 0.0, probability)  # type: ignore[arg-type]
+        for ids, error, probability in (
+            (("creep",), 2.0, 0.96),
+            (("hysteresis",), 2.0, 0.03),
+            (("leak",), last, 0.0095),
+            ((), 1.0, 0.0005),
+        )
+    ]
+    candidates = SimpleNamespace(own=False, given=None)
+    kept = module._tested(every, candidates, None, None, 0.1)
+    assert [s.named for s in kept] == stands
+    assert sum(s.probability for s in kept) == pytest.approx(1.0)
