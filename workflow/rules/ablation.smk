@@ -2,7 +2,7 @@ rule ablation:
     """How the fit depends on the number of datasets and points, and on outliers."""
     input:
         trials=rules.raw_to_angle.output.trials,
-        description=lambda wildcards: campaign_of(wildcards.material) / "campaign.yaml",
+        description=description,
     output:
         table=RESULTS / "{material}" / "ablation.csv",
         verdict=RESULTS / "{material}" / "ablation.json",

@@ -50,6 +50,12 @@ def raw_files(wildcards):
     return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
+def description(wildcards):
+    """The campaign.yaml; where there is none, the first step says so in its own words."""
+    path = campaign_of(wildcards.material) / "campaign.yaml"
+    return [path] if path.is_file() else []
+
+
 def code(name):
     """What a script depends on in the package: an edit of the package runs its rule again."""
     return code_hash(SCRIPTS / name)

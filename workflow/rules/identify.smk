@@ -2,7 +2,7 @@ rule identify:
     """The paper's swarm, the optimum and its uncertainty, the baselines; the model file."""
     input:
         trials=rules.raw_to_angle.output.trials,
-        description=lambda wildcards: campaign_of(wildcards.material) / "campaign.yaml",
+        description=description,
     output:
         model=RESULTS / "{material}" / "model.json",
         fit=RESULTS / "{material}" / "fit.json",
