@@ -97,8 +97,8 @@ def campaign_data(
 ) -> CampaignData:
     """Make a campaign of one experiment."""
     files = tuple(
-        TrialFile(f"{t.order}.csv", Path(f"{name}/{t.order}.csv"), t.order, t.started_s)
-        for t in own
+        TrialFile(f"{t.order}.csv", Path(f"{name}/{t.order}.csv"), t.order, t.started_s, place)
+        for place, t in enumerate(own, start=1)
     )
     campaign = Campaign(
         folder=Path(name),

@@ -158,7 +158,6 @@ def short_trial(seconds: float) -> bytes:
 TRIAL = "step_30/trial_01.csv"
 SPOILERS: dict[str, tuple[Callable[[Path], None], list[str]]] = {
     "no file": (lambda folder: (folder / TRIAL).unlink(), [TRIAL]),
-    "empty": (rewrite(TRIAL, b""), [TRIAL, "empty"]),
     "binary": (rewrite(TRIAL, bytes(range(256)) * 40), [TRIAL]),
     "not the bytes of SHA256SUMS": (
         lambda folder: (folder / TRIAL).write_bytes(short_trial(12)) and None,
@@ -201,6 +200,22 @@ def test_bad_campaigns(spoiler: str, tmp_path: Path, capsys: pytest.CaptureFixtu
     for word in words:
         assert word in line
     assert sorted(path.name for path in tmp_path.iterdir()) == ["steps"]
+
+
+def test_an_empty_trial_is_left_out_and_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "steps"
+    folder.mkdir()
+    campaigns.step_campaign(folder, trials=2)
+    rewrite(TRIAL, b"")(folder)
+    model, table = tmp_path / "model.json", tmp_path / "table.csv"
+    for command in (["fit", str(folder)], ["predict", str(model), str(folder)]):
+        out = model if command[0] == "fit" else table
+        assert main([*command, "--out", str(out)]) == 0
+        assert f"{folder}: {TRIAL} is empty: left out\n" in capsys.readouterr().err
+    rows = pd.read_csv(table)
+    assert set(rows[rows.experiment == "step_30"].trial) == {2}
 
 
 def rig_line(text: str) -> str:

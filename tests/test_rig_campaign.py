@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 import naive_rig
+from campaigns import write_sums
 from spa_fo.errors import BadInput
 from spa_fo.rig import read_campaign
 from spa_fo.rig.checksums import read_checksums
@@ -279,9 +280,62 @@ def test_no_folder_and_no_description(tmp_path: Path, folder: Path) -> None:
     assert "small/campaign.yaml: is missing" in refused(folder)
 
 
-def test_an_empty_log_is_refused_by_name(folder: Path) -> None:
-    (folder / "step_20/trial_02.log").write_bytes(b"")
-    assert refused(folder).startswith("small/step_20/trial_02.log: experiment 'step_20', trial 2:")
+def emptied(folder: Path, *files: str) -> None:
+    for file in files:
+        (folder / file).write_bytes(b"")
+    write_sums(folder)
+
+
+def test_an_empty_trial_is_left_out_and_the_others_keep_their_numbers(folder: Path) -> None:
+    before = {(e.name, number): file for e, number, file in read_campaign(folder).trial_files()}
+    emptied(folder, "step_20/trial_01.log")
+    campaign = read_campaign(folder)
+    after = {(e.name, number): file for e, number, file in campaign.trial_files()}
+    assert before.pop(("step_20", 1)).file == "step_20/trial_01.log"
+    assert after == before
+    assert campaign.warnings == ("step_20/trial_01.log is empty: left out",)
+
+
+def test_an_experiment_of_empty_trials_is_left_out(folder: Path) -> None:
+    def second_experiment(document: Document) -> None:
+        own = document["experiments"][0]
+        document["experiments"].append({**own, "name": "again", "trials": [own["trials"].pop()]})
+
+    rewrite(folder, second_experiment)
+    emptied(folder, "step_20/trial_02.log")
+    campaign = read_campaign(folder)
+    assert [experiment.name for experiment in campaign.experiments] == ["step_20"]
+    assert campaign.warnings == ("step_20/trial_02.log is empty: left out",)
+
+
+def test_empty_trials_of_two_experiments_are_no_copies_of_each_other(folder: Path) -> None:
+    def more(document: Document) -> None:
+        trials = document["experiments"][0]["trials"]
+        empty = {"file": "again/trial_01.log", "order": 3, "started_s": 900.0}
+        document["experiments"].append(
+            {"name": "again", "protocol": "step", "setpoint_deg": 20, "trials": [empty]}
+        )
+        assert [trial["order"] for trial in trials] == [1, 2]
+
+    rewrite(folder, more)
+    (folder / "again").mkdir()
+    emptied(folder, "again/trial_01.log", "step_20/trial_02.log")
+    assert len(read_campaign(folder).warnings) == 2
+
+
+def test_a_campaign_of_empty_trials_is_refused_by_name(folder: Path) -> None:
+    emptied(folder, *(item.file for _, _, item in read_campaign(folder).trial_files()))
+    text = refused(folder)
+    assert text.startswith("small/step_20/trial_01.log: is empty, as are all trials; expected a")
+
+
+def test_the_earliest_calibration_may_not_be_empty_a_later_one_may(folder: Path) -> None:
+    first, later = read_campaign(folder).calibration
+    emptied(folder, later.file)
+    assert read_campaign(folder).calibration == (first,)
+    assert f"{later.file} is empty: left out" in read_campaign(folder).warnings
+    emptied(folder, first.file)
+    assert refused(folder).startswith(f"small/{first.file}: is empty; expected a log: every angle")
 
 
 def test_changed_bytes_are_refused(folder: Path) -> None:

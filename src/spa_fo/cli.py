@@ -10,7 +10,7 @@ import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from spa_fo import __version__
 from spa_fo.cli_numbers import positive
@@ -18,6 +18,9 @@ from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error, keep_blas_to_o
 from spa_fo.errors import BadInput
 from spa_fo.export_cli import add_export
 from spa_fo.rig_cli import add_rig_commands
+
+if TYPE_CHECKING:
+    from spa_fo.api import Campaign
 
 # The rooms are imported by the commands that need them: `--help` must not wait for Numba.
 
@@ -168,14 +171,13 @@ def _seed(text: str) -> int:
 
 
 def _fit(options: argparse.Namespace) -> None:
-    from spa_fo.api import Campaign
     from spa_fo.api.campaign import search_box
     from spa_fo.rig.checksums import spare
 
     bounds = _bounds(options.bound)
     search_box(bounds)  # refused before the campaign is read
     spare(options.out, options.campaign)
-    result = Campaign.load(options.campaign).fit(
+    result = _loaded(options.campaign).fit(
         seed=options.seed, whole_logs=options.whole_logs, input=options.input, bounds=bounds
     )
     result.save(options.out)
@@ -219,7 +221,7 @@ def _predict(options: argparse.Namespace) -> None:
     from spa_fo.rig.checksums import spare
 
     spare(options.out, options.campaign, options.model)
-    prediction = Model.load(options.model).predict(options.campaign)
+    prediction = Model.load(options.model).predict(_loaded(options.campaign))
     if prediction.note:
         print(f"{options.model}: {prediction.note}", file=sys.stderr)
     prediction.save(options.out)
@@ -263,6 +265,16 @@ def _diagnose(options: argparse.Namespace) -> None:
     print(*diagnosis.headline(), page, sep="\n")
 
 
+def _loaded(folder: Path) -> Campaign:
+    """Read a campaign, and say what is odd about it or was left out."""
+    from spa_fo.api import Campaign
+
+    campaign = Campaign.load(folder)
+    for warning in campaign.parse_report.warnings:
+        _tell(f"{folder}: {warning}")
+    return campaign
+
+
 def _tell(step: str) -> None:
     print(step, file=sys.stderr, flush=True)
 
@@ -296,13 +308,12 @@ def _add_plan(commands: Commands) -> None:
 
 
 def _plan(options: argparse.Namespace) -> None:
-    from spa_fo.api import Campaign
     from spa_fo.api.plan import plan_next
     from spa_fo.gap.rivals import read_standing
     from spa_fo.rig.checksums import spare
 
     spare(options.out, options.campaign, options.diagnosis)
-    campaign = Campaign.load(options.campaign)
+    campaign = _loaded(options.campaign)
     standing = read_standing(options.diagnosis, campaign.name)
     plan = plan_next(campaign, standing, options.max_duration, options.max_pressure)
     plan.save(options.out)

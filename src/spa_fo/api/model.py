@@ -169,12 +169,15 @@ class Model:
         check_request(self.document, exclude, self.source)
         if not isinstance(campaign, Campaign):
             campaign = Campaign.load(campaign)
+        tell = progress or _silent
+        for warning in campaign.parse_report.warnings:
+            tell(f"{campaign.name}: {warning}")
         found = diagnose(
             campaign.data,
             self.document,
             excluded=exclude,
             seed=seed,
-            progress=progress or _silent,
+            progress=tell,
         )
         return Diagnosis(found.to_dict(), found)
 

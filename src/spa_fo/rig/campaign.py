@@ -79,12 +79,17 @@ class CalibrationFile:
 
 @dataclass(frozen=True)
 class TrialFile:
-    """One trial's log; `order` is its place in the campaign, `started_s` campaign time (s)."""
+    """One trial's log.
+
+    `order` is its place in the campaign, `started_s` campaign time (s), `number` its 1-based place
+    in the experiment's list, which stays its own where other trials are left out.
+    """
 
     file: str
     path: Path
     order: int
     started_s: float
+    number: int
 
 
 @dataclass(frozen=True)
@@ -121,8 +126,8 @@ class Campaign:
     def trial_files(self) -> Iterator[tuple[Experiment, int, TrialFile]]:
         """Yield (experiment, 1-based place in its list, file) in the order of campaign.yaml."""
         for experiment in self.experiments:
-            for number, trial in enumerate(experiment.trials, start=1):
-                yield experiment, number, trial
+            for trial in experiment.trials:
+                yield experiment, trial.number, trial
 
 
 def read_campaign(folder: Path | str) -> Campaign:
@@ -136,14 +141,15 @@ def read_campaign(folder: Path | str) -> Campaign:
     Returns
     -------
     Campaign
-        Its calibrations sorted by `started_s`, its trials as listed.
+        Its calibrations sorted by `started_s`, its trials as listed. A trial whose log holds no
+        byte is left out, as is a calibration after the earliest, and a warning says so.
 
     Raises
     ------
     BadInput
         campaign.yaml does not hold to its schema or contradicts itself (a file or order twice,
-        an experiment without trials, time running against order), a file is missing or empty,
-        or its bytes are not those of SHA256SUMS.
+        an experiment without trials, time running against order), a file is missing, all trials
+        or the earliest calibration are empty, or bytes are not those of SHA256SUMS.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -155,7 +161,36 @@ def read_campaign(folder: Path | str) -> Campaign:
     validate(document, package_schema("spa_fo.rig", "campaign.schema.yaml"), path)
     campaign = build_campaign(document, folder)
     _check_sense(campaign)
-    return replace(campaign, warnings=_check_files(campaign))
+    return _without_empty(replace(campaign, warnings=_check_files(campaign)))
+
+
+def _without_empty(campaign: Campaign) -> Campaign:
+    """Leave out what recordings that failed left behind: logs without a single byte."""
+    trials = [trial for _, _, trial in campaign.trial_files() if _is_empty(trial.path)]
+    later = [item for item in campaign.calibration[1:] if _is_empty(item.path)]
+    if campaign.calibration and _is_empty(campaign.calibration[0].path):
+        raise BadInput(
+            campaign.calibration[0].path,
+            "is empty; expected a log: every angle comes through the earliest calibration",
+        )
+    experiments = tuple(
+        replace(experiment, trials=tuple(item for item in experiment.trials if item not in trials))
+        for experiment in campaign.experiments
+    )
+    left = tuple(experiment for experiment in experiments if experiment.trials)
+    if not left:
+        raise BadInput(trials[0].path, "is empty, as are all trials; expected a log")
+    files = [item.file for item in later] + [trial.file for trial in trials]
+    return replace(
+        campaign,
+        experiments=left,
+        calibration=tuple(item for item in campaign.calibration if item not in later),
+        warnings=(*campaign.warnings, *(f"{file} is empty: left out" for file in files)),
+    )
+
+
+def _is_empty(path: Path) -> bool:
+    return path.stat().st_size == 0
 
 
 def build_campaign(document: Mapping[str, Any], folder: Path) -> Campaign:
@@ -175,8 +210,9 @@ def build_campaign(document: Mapping[str, Any], folder: Path) -> Campaign:
                     folder / trial["file"],
                     trial["order"],
                     float(trial["started_s"]),
+                    number,
                 )
-                for trial in item["trials"]
+                for number, trial in enumerate(item["trials"], start=1)
             ),
         )
         for item in document["experiments"]
@@ -317,7 +353,5 @@ def _check_files(campaign: Campaign) -> tuple[str, ...]:
             )
         if not path.is_file():
             raise BadInput(path, f"is not there, but {campaign.yaml.name} names it", where)
-        if path.stat().st_size == 0:
-            raise BadInput(path, "is empty; expected a log", where)
     groups = {file: where.rsplit(", trial ", 1)[0] for file, where in wheres.items()}
     return checksums.verify(campaign.folder, groups)

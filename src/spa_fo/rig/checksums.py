@@ -103,13 +103,13 @@ def verify(folder: Path, files: Mapping[str, str]) -> tuple[str, ...]:
             raise BadInput(
                 path, f"its SHA-256 is {actual[:12]}..., but {NAME} says {digest[:12]}..."
             )
-        if name in files:
+        if name in files and path.stat().st_size > 0:
             twin = owners.setdefault(digest, name)
             if files[twin] != files[name]:
                 raise BadInput(path, f"holds the same bytes as {twin}; expected its own")
             if twin != name:
                 warnings.append(f"{name} holds the same bytes as {twin}: a copy?")
-        elif name != "campaign.yaml":
+        elif name not in files and name != "campaign.yaml":
             warnings.append(f"{name} is in {NAME}, but campaign.yaml does not name it")
     for path in sorted(folder.rglob("*.log")):
         name = path.relative_to(folder).as_posix()
