@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from spa_fo.atomic import replacing, write_text
+from spa_fo.atomic import filling, replacing, write_text
 from spa_fo.errors import BadInput
 
 
@@ -70,3 +70,33 @@ def test_the_umask_is_respected(tmp_path: Path) -> None:
     write_text(tmp_path / "a.txt", "")
     (tmp_path / "b.txt").write_text("")
     assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "b.txt").stat().st_mode
+
+
+def test_a_folder_is_filled_when_all_its_files_are_there(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "out"
+    with filling(folder) as temporary:
+        write_text(temporary / "a.txt", "a")
+        write_text(temporary / "b.txt", "b")
+        assert [path for path in folder.iterdir() if path.is_file()] == []
+    assert {path.name: path.read_text() for path in folder.iterdir()} == {
+        "a.txt": "a",
+        "b.txt": "b",
+    }
+
+
+def test_a_folder_that_could_not_be_filled_is_as_it_was(tmp_path: Path) -> None:
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "a.txt").write_text("earlier")
+
+    def fail_at_the_second_file(folder: Path) -> None:
+        with filling(folder) as temporary:
+            write_text(temporary / "a.txt", "a")
+            write_text(temporary / "a.txt" / "b.txt", "b")
+
+    for name in ("old", "new"):
+        with pytest.raises(BadInput) as caught:
+            fail_at_the_second_file(tmp_path / name)
+        assert str(caught.value).startswith(f"{tmp_path / name}/a.txt/b.txt: cannot be written")
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+    assert [path.name for path in (tmp_path / "old").iterdir()] == ["a.txt"]
+    assert (tmp_path / "old" / "a.txt").read_text() == "earlier"

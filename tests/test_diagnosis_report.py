@@ -453,13 +453,25 @@ def test_stages_draw_what_was_measured() -> None:
 
 def test_the_files_are_written_and_show_something(tmp_path: Path) -> None:
     files = write_report(diagnosis(), tmp_path)
-    assert {path.name for path in files} == {path.name for path in tmp_path.iterdir()}
+    machines = {"diagnosis.json", "augmented_model.json"}
+    assert {path.name for path in files} | machines == {path.name for path in tmp_path.iterdir()}
     page = (tmp_path / "diagnosis.md").read_text(encoding="utf-8")
     pictures = re.findall(r"\]\((\w+\.png)\)", page)
     assert sorted(pictures) == ["before_after.png", "gap.png", "ladder.png", "stages.png"]
     for name in pictures:
         assert imread(tmp_path / name)[..., :3].std() > 0.02
         assert (tmp_path / name).with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_a_diagnosis_that_cannot_be_written_leaves_the_earlier_one_alone(tmp_path: Path) -> None:
+    write_report(UNEXPLAINED, tmp_path)
+    (tmp_path / "diagnosis.json").unlink()
+    (tmp_path / "diagnosis.json").mkdir()  # stands for the last file that fails
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    with pytest.raises(BadInput, match=r"diagnosis\.json: cannot be written: it is not a file"):
+        write_report(diagnosis(), tmp_path)
+    after = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    assert after == before
 
 
 def test_figures_of_an_earlier_diagnosis_do_not_stay(tmp_path: Path) -> None:

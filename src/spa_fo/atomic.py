@@ -1,4 +1,4 @@
-"""Write files whole or not at all."""
+"""Write files whole or not at all, one by one or several together."""
 
 from __future__ import annotations
 
@@ -52,6 +52,52 @@ def replacing(path: Path | str) -> Iterator[Path]:
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def filling(folder: Path | str) -> Iterator[Path]:
+    """Yield an empty folder whose files move into `folder` when the block succeeds.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Where the files belong together; made where missing, other files in it are let be.
+
+    Yields
+    ------
+    Path
+        Where to write them; it lies in `folder` and is gone afterwards.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be written; none of them is then there, or all are as they were.
+    """
+    folder = Path(folder)
+    is_new = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=TEMPORARY, dir=folder) as name:
+            temporary = Path(name)
+            try:
+                yield temporary
+            except BadInput as error:
+                if temporary not in error.path.parents:
+                    raise
+                place = folder / error.path.relative_to(temporary)
+                raise BadInput(place, error.expected, error.where) from error
+            files = sorted(temporary.iterdir())
+            for target in (folder / file.name for file in files):
+                if target.exists() and not target.is_file():
+                    raise BadInput(target, "cannot be written: it is not a file")
+            for file in files:
+                file.replace(folder / file.name)
+            is_new = False
+    except OSError as error:
+        raise BadInput(folder, f"cannot be written: {error.strerror or error}") from error
+    finally:
+        if is_new and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
 
 
 def write_bytes(path: Path | str, data: bytes) -> None:

@@ -100,7 +100,7 @@ class Diagnosis:
         return f"{self.document.get('provenance', 'unknown')} data"
 
     def save(self, folder: Path | str) -> tuple[Path, ...]:
-        """Write diagnosis.md, diagnosis.json, augmented_model.json and the figures.
+        """Write diagnosis.md, diagnosis.json, augmented_model.json and the figures, or none.
 
         Returns
         -------
@@ -112,13 +112,9 @@ class Diagnosis:
         BadInput
             A file cannot be written, or the curves are not at hand (see `load`).
         """
-        from spa_fo.gap import write_files
         from spa_fo.report.diagnosis import write_report
 
-        result = self._with_curves()
-        files = write_report(result, folder)
-        write_files(result, folder)
-        return files
+        return write_report(self._with_curves(), folder)
 
     def plan(
         self,

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from spa_fo.atomic import write_text
+from spa_fo.atomic import filling, write_text
+from spa_fo.gap.diagnose import write_files
 from spa_fo.gap.diagnosis import Cause, Diagnosis
 from spa_fo.report.diagnosis_figures import (
     MOST_CAUSES,
@@ -53,7 +54,7 @@ _MOST_BINS = 4
 
 
 def write_report(diagnosis: Diagnosis, folder: Path | str) -> tuple[Path, ...]:
-    """Write ``diagnosis.md`` and its figures, PNG and PDF, each whole or not at all.
+    """Write diagnosis.md, its figures, diagnosis.json and augmented_model.json, all or none.
 
     Figures of an earlier diagnosis that this one has no use for are removed.
 
@@ -67,7 +68,7 @@ def write_report(diagnosis: Diagnosis, folder: Path | str) -> tuple[Path, ...]:
     Returns
     -------
     tuple of Path
-        The files, the page last.
+        Figures, PNG and PDF, and the page last.
 
     Raises
     ------
@@ -78,15 +79,16 @@ def write_report(diagnosis: Diagnosis, folder: Path | str) -> tuple[Path, ...]:
     draw = {"gap": gap_figure, "before_after": before_after_figure, "ladder": ladder_figure}
     if has_stages(diagnosis.traces):
         draw["stages"] = stages_figure
-    files: list[Path] = []
-    for name, make in draw.items():
-        files += save_figure(make(diagnosis), folder / name, _provenance(diagnosis))
+    figures: list[Path] = []
+    with filling(folder) as temporary:
+        for name, make in draw.items():
+            figures += save_figure(make(diagnosis), temporary / name, _provenance(diagnosis))
+        write_text(temporary / PAGE, document(diagnosis, tuple(draw)))
+        write_files(diagnosis, temporary)
     for name in _CAPTIONS.keys() - draw.keys():
         for suffix in ("png", "pdf"):
             (folder / f"{name}.{suffix}").unlink(missing_ok=True)
-    page = folder / PAGE
-    write_text(page, document(diagnosis, tuple(draw)))
-    return (*files, page)
+    return (*(folder / path.name for path in figures), folder / PAGE)
 
 
 def document(diagnosis: Diagnosis, figures: Sequence[str] = ()) -> str:
