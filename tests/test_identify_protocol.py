@@ -113,14 +113,32 @@ def test_a_short_trial_is_left_out_and_does_not_cut_the_others() -> None:
     assert data.t[-1] == pytest.approx(399 / 50)
 
 
-def test_an_experiment_without_a_usable_trial_is_refused() -> None:
+def gapped(one: Trial) -> Trial:
+    return without(one, (one.t_s < 2.0) | (one.t_s > 8.0))
+
+
+def test_an_experiment_without_a_usable_trial_is_left_out_and_its_trials_are_named() -> None:
     trials = campaign(2)
-    gapped = [
-        without(one, (one.t_s < 2.0) | (one.t_s > 8.0)) if one.experiment == "step_30" else one
-        for one in trials
+    spoilt = [gapped(one) if one.experiment == "step_30" else one for one in trials]
+    data = step_data(spoilt, 30.0)
+    assert set(data.experiments) == {one.experiment for one in trials} - {"step_30"}
+    assert [text.partition(":")[0] for text in data.left_out] == [
+        "step_30 trial 1",
+        "step_30 trial 2",
     ]
-    with pytest.raises(BadInput, match="experiment step_30 has no usable step"):
-        step_data(gapped, 30.0)
+
+
+def test_an_experiment_of_short_steps_does_not_cut_the_others() -> None:
+    trials = campaign(3)
+    spoilt = [without(one, one.t_s < 3.0) if one.experiment == "step_30" else one for one in trials]
+    data = step_data(spoilt[:1] + spoilt[3:], 30.0)
+    assert "step_30" not in data.experiments
+    assert data.t[-1] == pytest.approx(399 / 50)
+
+
+def test_a_campaign_without_a_usable_step_is_refused_with_the_reasons() -> None:
+    with pytest.raises(BadInput, match=r"no step is usable: step_30 trial 1: a gap of 6\."):
+        step_data([gapped(one) for one in campaign(2)], 30.0)
 
 
 @pytest.mark.parametrize("release", [0, 200])

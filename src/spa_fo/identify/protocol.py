@@ -129,8 +129,7 @@ def step_data(
     Raises
     ------
     BadInput
-        There is no step trial; a trial has no step or too few samples in it; or an experiment is
-        left without a usable trial.
+        There is no step trial; a trial has no step or too few samples in it; or none is usable.
     """
     if points < 2:
         raise ValueError(f"expected at least 2 points, not {points}")
@@ -152,10 +151,8 @@ def step_data(
             for w in short
         ]
         windows = [window for window in windows if window.duration >= _MOST * middle]
-    for name in dict.fromkeys(trial.experiment for trial in steps):
-        if not any(window.trial.experiment == name for window in windows):
-            reasons = [text for text in left_out if text.startswith(f"{name} trial ")]
-            raise BadInput(source, f"experiment {name} has no usable step: {'; '.join(reasons)}")
+    if not windows:
+        raise BadInput(source, f"no step is usable: {'; '.join(left_out)}")
     duration = min(window.duration for window in windows)
     t = duration * np.arange(1, points + 1) / points
     return StepData(
