@@ -103,6 +103,7 @@ def combined(candidates: Candidates) -> list[Explanation]:
             if "mains_pickup" in ids and candidates.slow is not None:
                 amplitude = float(np.sqrt(2.0 * fit.solution.variances[-1]))
                 pickup = (candidates.slow.frequency_hz, amplitude)
+                evidence -= candidates.slow.search_price
             whole = Explanation(ordered(tuple(names)), fit, drive, pickup, evidence)
             for each in (whole, _with_fast_line(whole, candidates)):
                 if each is not None:

@@ -16,7 +16,8 @@ Floats = NDArray[np.float64]
 
 _PADDED = 8192
 _SLOWEST_FAST_HZ = 3.2  # of the lines that the averaged samples do not show
-_SLOW_HZ = np.geomspace(0.02, _SLOWEST_FAST_HZ, 30)
+_SLOWEST_HZ = 0.02
+_MOST_SLOW = 400  # frequencies that are tried
 _LOCKED = 0.01  # probability of phases so much alike by chance
 _SHOWS = 0.3  # of the trials' amplitude
 _UNEVEN = 1.6
@@ -36,12 +37,15 @@ class Pickup:
         Log evidence for it from within the averaging steps; 0 where it is slower.
     is_slow : bool
         Whether the averaged samples show it.
+    search_price : float
+        What the search for a slow one costs in log evidence; in `fast_gain` it is paid.
     """
 
     frequency_hz: float
     amplitude_deg: float
     fast_gain: float
     is_slow: bool
+    search_price: float = 0.0
 
 
 def fast_line(evidence: Evidence) -> Pickup:
@@ -103,12 +107,25 @@ def slow_line(problem: AngleProblem, z: Floats) -> Pickup:
     """Find the line below 3 Hz that explains most beside the problem's effects at `z`."""
     blocks, _ = problem.blocks(z)
     prior = problem.prior(z)
-    found = _best_of(problem, blocks, prior, _SLOW_HZ)
-    step = _SLOW_HZ[1] / _SLOW_HZ[0]
+    tried, width = _slow_frequencies(problem.evidence)
+    found = _best_of(problem, blocks, prior, tried)
     for _ in range(4):
-        found = _best_of(problem, blocks, prior, found * np.geomspace(1.0 / step, step, 7))
-        step = step ** (1.0 / 3.0)
-    return Pickup(found, 0.0, 0.0, True)
+        around = found + width * np.linspace(-1.0, 1.0, 7)
+        found = _best_of(problem, blocks, prior, np.maximum(around, _SLOWEST_HZ))
+        width /= 3.0
+    return Pickup(found, 0.0, 0.0, True, float(np.log(tried.size)))
+
+
+def _slow_frequencies(evidence: Evidence) -> tuple[Floats, float]:
+    """Give frequencies near enough to each other that no line falls between, and their distance.
+
+    A wave of a phase of its own in every trial is as broad as the inverse of a trial's length.
+    """
+    time = evidence.grid.time_s
+    length = float(np.median([np.ptp(time[rows]) for rows in evidence.rows]))
+    reach = _SLOWEST_FAST_HZ - _SLOWEST_HZ
+    count = int(np.clip(np.ceil(2.0 * reach * length), 2, _MOST_SLOW))
+    return np.linspace(_SLOWEST_HZ, _SLOWEST_FAST_HZ, count), reach / (count - 1)
 
 
 def is_locked(evidence: Evidence, fit: Fit) -> bool:

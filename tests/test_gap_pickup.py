@@ -1,0 +1,94 @@
+"""Interference that was put into a campaign is found, and what is none is told from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import campaigns
+from spa_fo.gap.evidence import angle_chain, collect
+from spa_fo.gap.explain import AngleProblem, to_z
+from spa_fo.gap.pickup import fast_line, is_locked, slow_line
+from spa_fo.rig import CampaignData, read_campaign, read_trials
+
+GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> CampaignData:
+    folder = tmp_path_factory.mktemp("pickup") / "steps"
+    campaigns.step_campaign(folder, trials=3)
+    return read_trials(read_campaign(folder))
+
+
+def hummed(data: CampaignData, hz: float, amplitude_deg: float) -> CampaignData:
+    """Add a wave whose phase is each trial's own."""
+    phases = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, len(data.trials))
+    trials = tuple(
+        replace(
+            trial,
+            angle_deg=trial.angle_deg
+            + amplitude_deg * np.sin(2.0 * np.pi * hz * trial.t_s + phase),
+        )
+        for trial, phase in zip(data.trials, phases, strict=True)
+    )
+    return replace(data, trials=trials)
+
+
+@pytest.mark.parametrize("hz", [4.3, 7.0, 11.9])
+def test_a_fast_line_is_found_with_its_frequency_and_amplitude(
+    hz: float, clean: CampaignData
+) -> None:
+    found = fast_line(collect(hummed(clean, hz, 0.5)))
+    assert found.frequency_hz == pytest.approx(hz, abs=0.05)
+    assert found.amplitude_deg == pytest.approx(0.5, rel=0.15)
+    assert found.fast_gain > 100.0
+
+
+def test_no_fast_line_is_found_where_there_is_none(clean: CampaignData) -> None:
+    assert fast_line(collect(clean)).fast_gain == 0.0
+
+
+@pytest.mark.parametrize("hz", [0.31, 0.8, 2.2])
+def test_a_slow_line_is_found_with_its_frequency(hz: float, clean: CampaignData) -> None:
+    evidence = collect(hummed(clean, hz, 1.0))
+    chain = angle_chain(evidence, GIVEN, None)
+    problem = AngleProblem(evidence, chain, GIVEN, (), "near")
+    known = AngleProblem(evidence, chain, GIVEN, (), "known").fit(to_z(GIVEN))
+    found = slow_line(problem, known.searched)
+    assert found.is_slow
+    assert found.frequency_hz == pytest.approx(hz, rel=0.03)
+
+
+def trials_of(*phases: list[float]) -> tuple[Any, Any]:
+    """Give waves of amplitude 1 with these phases, experiment by experiment."""
+    flat = np.concatenate([np.array(own) for own in phases])
+    experiment = np.repeat(np.arange(len(phases)), [len(own) for own in phases])
+    evidence = SimpleNamespace(
+        takes_part=np.ones(flat.size, dtype=bool), support_index=experiment[:, np.newaxis]
+    )
+    waves = SimpleNamespace(waves_deg=np.column_stack([np.cos(flat), np.sin(flat)]))
+    return evidence, waves
+
+
+def test_a_wave_of_the_same_phase_in_every_trial_is_locked() -> None:
+    assert is_locked(*trials_of([0.1, 0.0, -0.1, 0.05], [2.0, 2.1, 1.9, 2.0]))
+
+
+def test_a_wave_of_any_phase_is_not() -> None:
+    assert not is_locked(*trials_of([0.0, 1.6, 3.1, 4.7], [0.5, 2.1, 3.7, 5.2]))
+    assert not is_locked(*trials_of([0.3], [0.3]))  # of single trials nothing can be said
+
+
+def test_random_phases_are_seldom_taken_for_locked() -> None:
+    random = np.random.default_rng(2)
+    alarms = sum(
+        is_locked(*trials_of(*random.uniform(0.0, 2.0 * np.pi, (3, 4)).tolist()))
+        for _ in range(2000)
+    )
+    # 20 are expected at the level of 1 %, and somewhat fewer of few trials; 40 are 4.5 sigma off.
+    assert alarms < 40
