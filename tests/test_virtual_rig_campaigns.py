@@ -23,6 +23,7 @@ from spa_fo.virtual_rig.__main__ import main
 from spa_fo.virtual_rig.actuators import PLANS, Experiment
 from spa_fo.virtual_rig.campaign_writer import campaign_files, schedule, write_campaign
 from spa_fo.virtual_rig.clock import WRAP, BoardClock
+from spa_fo.virtual_rig.converter import Converter
 
 RAW = Path(__file__).resolve().parent.parent / "raw"
 SEED = 1
@@ -66,6 +67,16 @@ def test_lines_are_those_of_the_contract():
         b"# spa-rig 1 board=mega2560 adc_bits=10 vref_mv=5000 rate_hz=50 "
         b"columns=seq,t_us,cmd_kpa,p_adc,flex_adc"
     )
+
+
+def test_a_finer_converter_stands_in_banner_and_description():
+    specimen = PLANS["dragon_skin_20"].specimen
+    fine = replace(specimen.acquisition, converter=Converter(bits=12, reference_volt=3.3))
+    files = campaign_files(small_plan(specimen=replace(specimen, acquisition=fine)), SEED)
+    logs = [data for name, data in files.items() if name.endswith(".log")]
+    assert logs
+    assert all(b" adc_bits=12 vref_mv=3300 " in data.partition(b"\n")[0] for data in logs)
+    assert b"vref_mv: 3300, adc_max: 4095" in files["campaign.yaml"]
 
 
 @settings(max_examples=60, deadline=None)

@@ -1,7 +1,7 @@
 """A campaign of the virtual rig -> a folder in the contract's format.
 
 One seed, the same bytes: each file has its own random stream, keyed by its name, so a further
-trial changes no other's draws; and everything continuous passes a 10-bit converter, a 4 µs clock
+trial changes no other's draws; and everything continuous passes a converter, a 4 µs clock
 or two decimals before it is written. Machines whose exp and tanh differ in the last digit write
 the same campaign: scaling every voltage by 1 + 1e-8 leaves the committed bytes as they are.
 """
@@ -202,7 +202,7 @@ def _record(
     rows = zip(command.tolist(), pressure.tolist(), flex.tolist(), strict=True)
     fields = [(f"{kpa:.2f}", p, angle) for kpa, p, angle in rows]
 
-    lines = [banner(TRIAL_COLUMNS, plan.rate_hz)]
+    lines = [_banner(TRIAL_COLUMNS, plan)]
     reset = plan.reset
     if reset is None or (reset.experiment, reset.trial) != (trial.experiment.name, trial.trial):
         lines += _rows(clock.micros(time, rng), fields)
@@ -213,9 +213,13 @@ def _record(
         lines += _rows(clock.micros(time[before], rng), fields[: int(before.sum())])
         clock = clock.reset_at(trial.started_s + reset.after_s)
         spared = frozenset({0, len(lines)})
-        lines.append(banner(TRIAL_COLUMNS, plan.rate_hz))
+        lines.append(_banner(TRIAL_COLUMNS, plan))
         lines += _rows(clock.micros(time[after], rng), fields[-int(after.sum()) :])
     return damage.apply(lines, plan.line_end, rng, spared), clock
+
+
+def _banner(columns: str, plan: CampaignPlan) -> bytes:
+    return banner(columns, plan.rate_hz, converter=plan.specimen.acquisition.converter)
 
 
 def _calibrate(
@@ -225,7 +229,7 @@ def _calibrate(
     angles, still = fixture_angles(plan)
     time, flex = bench.hold_in_fixture(angles, rng)
     fields = list(zip(angles[still].tolist(), flex[still].tolist(), strict=True))
-    lines = [banner(CALIBRATION_COLUMNS, plan.rate_hz)]
+    lines = [_banner(CALIBRATION_COLUMNS, plan)]
     lines += _rows(
         clock.micros(time[still], rng), [(f"{angle:.1f}", count) for angle, count in fields]
     )

@@ -8,6 +8,8 @@ from operator import xor
 
 import numpy as np
 
+from spa_fo.virtual_rig.converter import Converter
+
 TRIAL_COLUMNS = "seq,t_us,cmd_kpa,p_adc,flex_adc"
 CALIBRATION_COLUMNS = "seq,t_us,angle_deg,flex_adc"
 
@@ -15,10 +17,14 @@ CALIBRATION_COLUMNS = "seq,t_us,angle_deg,flex_adc"
 _LINE_ENDS = b"\r\n"
 
 
-def banner(columns: str, rate_hz: int, board: str = "mega2560") -> bytes:
+def banner(
+    columns: str, rate_hz: int, board: str = "mega2560", converter: Converter | None = None
+) -> bytes:
     """Compose the line a board sends after a reset, without its end."""
+    converter = converter or Converter()
     return (
-        f"# spa-rig 1 board={board} adc_bits=10 vref_mv=5000 rate_hz={rate_hz} columns={columns}"
+        f"# spa-rig 1 board={board} adc_bits={converter.bits} "
+        f"vref_mv={1000.0 * converter.reference_volt:.0f} rate_hz={rate_hz} columns={columns}"
     ).encode("ascii")
 
 
