@@ -11,7 +11,7 @@ import pytest
 
 import campaigns
 from spa_fo.gap.evidence import angle_chain, collect
-from spa_fo.gap.explain import AngleProblem, to_z
+from spa_fo.gap.explain import AngleProblem, ripple, to_z, wave
 from spa_fo.gap.pickup import fast_line, is_locked, slow_line
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 
@@ -62,6 +62,32 @@ def test_a_slow_line_is_found_with_its_frequency(hz: float, clean: CampaignData)
     found = slow_line(problem, known.searched)
     assert found.is_slow
     assert found.frequency_hz == pytest.approx(hz, rel=0.03)
+
+
+def test_what_goes_with_a_wave_takes_a_swelling_one_with_harmonics() -> None:
+    time = np.linspace(3.0, 15.0, 200)
+    phase = 2.0 * np.pi * 0.13 * time
+    measured = (1.0 + 0.05 * time) * np.sin(phase + 0.4)
+    measured += 0.2 * np.cos(2.0 * phase) + 0.1 * np.sin(3.0 * phase + 1.0)
+    columns = np.hstack([wave(0.13, time), ripple(0.13, time)])
+    left = measured - columns @ np.linalg.lstsq(columns, measured, rcond=None)[0]
+    assert np.abs(left).max() < 1e-9
+    alone = columns[:, :2]
+    assert np.std(measured - alone @ np.linalg.lstsq(alone, measured, rcond=None)[0]) > 0.1
+
+
+def test_interference_that_beats_does_not_bend_the_coefficients(clean: CampaignData) -> None:
+    both = hummed(hummed(clean, 0.13, 3.0), 0.2, 1.0)
+    evidence = collect(both)
+    chain = angle_chain(evidence, GIVEN, None)
+    known = AngleProblem(evidence, chain, GIVEN, (), "known").fit(to_z(GIVEN))
+    line = slow_line(AngleProblem(evidence, chain, GIVEN, (), "near"), known.searched)
+    found = (line.frequency_hz, line.amplitude_deg)
+    assert line.amplitude_deg == pytest.approx(3.0, rel=0.3)
+    problem = AngleProblem(evidence, chain, GIVEN, ("mains_pickup",), "near", pickup=found)
+    fit = problem.fit(known.searched)
+    np.testing.assert_allclose(fit.x, GIVEN, rtol=0.03)
+    assert fit.discrepancy < 0.2
 
 
 def trials_of(*phases: list[float]) -> tuple[Any, Any]:

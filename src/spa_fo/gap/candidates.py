@@ -141,7 +141,8 @@ def consider(
     slow = None
     if "mains_pickup" not in excluded:
         slow = slow_line(fitter.problem((), level), start.searched)
-        fit = fitter.fit(("mains_pickup",), level, start.searched, slow.frequency_hz)
+        found = (slow.frequency_hz, slow.amplitude_deg)
+        fit = fitter.fit(("mains_pickup",), level, start.searched, found)
         if any(speaks(evidence, fit) for speaks in (is_locked, is_uneven, is_other_in_fixture)):
             del fitter.fits[(("mains_pickup",), level)]
     # Beside the best one, an effect that shows little alone may show all the more.
@@ -232,14 +233,16 @@ class _Fitter:
         self.given = given
         self.fits: dict[tuple[Ids, str], Fit] = {}
 
-    def problem(self, ids: Ids, level: str, pickup_hz: float | None = None) -> AngleProblem:
+    def problem(
+        self, ids: Ids, level: str, pickup: tuple[float, float] | None = None
+    ) -> AngleProblem:
         return AngleProblem(
             self.evidence,
             self.chain,
             self.given,
             ids,
             level,
-            pickup_hz=pickup_hz,
+            pickup=pickup,
             changed=self._has_changed(level) and "sensor_nonlinearity" in ids,
         )
 
@@ -249,9 +252,13 @@ class _Fitter:
         return alone is not None and alone.changed
 
     def fit(
-        self, ids: Ids, level: str, start: Floats | None = None, pickup_hz: float | None = None
+        self,
+        ids: Ids,
+        level: str,
+        start: Floats | None = None,
+        pickup: tuple[float, float] | None = None,
     ) -> Fit:
-        problem = self.problem(ids, level, pickup_hz)
+        problem = self.problem(ids, level, pickup)
         self.fits[(ids, level)] = problem.fit(to_z(self.given) if start is None else start[:5])
         return self.fits[(ids, level)]
 

@@ -228,16 +228,13 @@ def _on_protocol(
 def refit(candidates: Candidates, evidence: Evidence, chosen: Explanation) -> Explanation:
     """Fit the chosen explanation once more, to the trials of `evidence`."""
     fit = chosen.fit
-    pickup_hz = None
-    if "mains_pickup" in fit.ids and chosen.pickup is not None:
-        pickup_hz = chosen.pickup[0]
     problem = AngleProblem(
         evidence,
         candidates.chain,
         candidates.given,
         fit.ids,
         fit.level,
-        pickup_hz=pickup_hz,
+        pickup=chosen.pickup if "mains_pickup" in fit.ids else None,
         changed=fit.changed,
     )
     again = problem.fit(fit.searched)

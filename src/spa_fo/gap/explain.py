@@ -21,9 +21,9 @@ from spa_fo.plant.effects.library import LIBRARY, Parameter, absent
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-GAIN, OFFSET, PACE, DISCREPANCY, SLIP, PICKUP = range(6)
-SCALES = np.array([0.005, 0.2, 0.007, 0.06, 0.4, 1.0])
-"""Typical standard deviations: relative, deg, relative, deg, deg per trial, deg."""
+GAIN, OFFSET, PACE, DISCREPANCY, SLIP, PICKUP, SWELL, HARMONIC = range(8)
+SCALES = np.array([0.005, 0.2, 0.007, 0.06, 0.4, 1.0, 0.2, 0.2])
+"""Typical standard deviations: relative, deg, relative, deg, deg per trial, deg, deg, deg."""
 
 COEFFICIENT_SPREAD = {
     "known": np.array([0.003, 0.003, 0.008, 0.005, 0.003]),
@@ -61,6 +61,7 @@ _SLOPE_STEP = 1e-4
 LN_GAIN = 4  # among the searched coefficients
 MOST_STEPS = 16
 _PACE_STEP = 2e-3
+_OF_WAVE = 0.1  # part of an interference that no wave of a few columns takes
 
 
 def to_z(x: Floats) -> Floats:
@@ -78,6 +79,36 @@ def paced(x: Floats, pace: float) -> Floats:
     """Give the coefficients of an actuator that runs `pace` times as fast."""
     fast = pace ** x[0]
     return np.array([x[0], x[1], x[2] * pace ** (x[0] - x[1]), x[3] * fast, x[4] * fast])
+
+
+def wave(hz: float, time_s: Floats) -> Floats:
+    """Cosine and sine, (n, 2)."""
+    phase = 2.0 * np.pi * hz * time_s
+    return np.column_stack([np.cos(phase), np.sin(phase)])
+
+
+def ripple(hz: float, time_s: Floats) -> Floats:
+    """Give what a periodic interference has beside its wave: it swells and fades, has harmonics.
+
+    Returns
+    -------
+    (n, 6) array
+        `SWELL` columns first, two, and those of two harmonics.
+    """
+    swell = 2.0 * (time_s - time_s.mean()) / max(float(np.ptp(time_s)), 1e-9)
+    return np.hstack(
+        [swell[:, None] * wave(hz, time_s), wave(2.0 * hz, time_s), wave(3.0 * hz, time_s)]
+    )
+
+
+def fixture_wave(hz: float, fixture: Fixture, logs: int) -> Floats:
+    """Cosine and sine in the dwells of calibrations, a phase for each, (rows, 2 logs)."""
+    phased = wave(hz, fixture.time_s)
+    columns = np.zeros((fixture.time_s.size, 2 * logs))
+    for log in range(logs):
+        here = fixture.log == log
+        columns[here, 2 * log : 2 * log + 2] = phased[here]
+    return np.asarray(fixture.average @ columns)
 
 
 @dataclass(frozen=True)
@@ -208,8 +239,8 @@ class AngleProblem:
         Averaged samples that take part; those of the evidence by default.
     changed : bool
         Whether an unknown sensor curve is that of later calibrations too, not of the seat alone.
-    pickup_hz : float, optional
-        Frequency of an interference that the averaged samples still show.
+    pickup : (float, float), optional
+        Frequency, Hz, and amplitude, deg, of an interference that the averaged samples show.
     """
 
     def __init__(
@@ -220,11 +251,13 @@ class AngleProblem:
         ids: Sequence[str],
         level: str,
         keep: NDArray[np.bool_] | None = None,
-        pickup_hz: float | None = None,
+        pickup: tuple[float, float] | None = None,
         changed: bool = False,
     ) -> None:
         self.changed = changed
-        self.pickup_hz = pickup_hz
+        self.pickup_hz = None if pickup is None else pickup[0]
+        amplitude_deg = 0.0 if pickup is None else pickup[1]
+        self.row_variance = evidence.variance + (_OF_WAVE * amplitude_deg) ** 2
         self.scales = SCALES.copy()
         self.scales[DISCREPANCY] = evidence.tolerance_deg
         self.evidence = evidence
@@ -266,6 +299,8 @@ class AngleProblem:
         logs = trials + len(evidence.data.calibrations)
         self.waves = at + np.arange(0 if self.pickup_hz is None else 2 * logs).reshape(-1, 2)
         at += self.waves.size
+        self.ripples = at + np.arange(0 if self.pickup_hz is None else 6 * trials).reshape(-1, 6)
+        at += self.ripples.size
         # How far a film with hysteresis had turned before each later calibration.
         later = logs - trials - 1 if "sensor_hysteresis" in self.ids else 0
         self.turned = at + np.arange(max(later, 0))
@@ -277,6 +312,7 @@ class AngleProblem:
         group[self.own] = [GAIN, OFFSET, PACE]
         group[self.support] = DISCREPANCY
         group[self.waves] = PICKUP
+        group[self.ripples[:, :2]], group[self.ripples[:, 2:]] = SWELL, HARMONIC
         bare = "sensor_hysteresis" in self.ids or "sensor_creep" in self.ids
         curve_sigma = evidence.bare_curve_sigma_deg if bare else evidence.curve_sigma_deg
         variance[self.curve] = curve_sigma**2
@@ -362,6 +398,7 @@ class AngleProblem:
                     np.ones((used.size, 1)),
                     pace[used, None],
                     self._wave(used),
+                    self._ripple(used),
                     evidence.support[i][local],
                 ]
             )
@@ -373,11 +410,12 @@ class AngleProblem:
                     self.steps,
                     self.own[i],
                     self.waves[i : i + 1].ravel(),
+                    self.ripples[i : i + 1].ravel(),
                     self.support[evidence.support_index[i]],
                 ]
             )
             blocks.append(
-                Block(grid.angle_deg[used] - y[used], 1.0 / evidence.variance[used], columns, index)
+                Block(grid.angle_deg[used] - y[used], 1.0 / self.row_variance[used], columns, index)
             )
         fixture = evidence.fixture
         if fixture is not None:
@@ -402,22 +440,19 @@ class AngleProblem:
         return blocks, y
 
     def _wave(self, rows: Integers) -> Floats:
-        """Cosine and sine of the interference, its phase being each trial's own."""
-        if self.pickup_hz is None:
-            return np.zeros((rows.size, 0))
-        phase = 2.0 * np.pi * self.pickup_hz * self.evidence.grid.time_s[rows]
-        return np.column_stack([np.cos(phase), np.sin(phase)])
+        """Give the interference in a trial, its phase being the trial's own."""
+        time = self.evidence.grid.time_s[rows]
+        return np.zeros((rows.size, 0)) if self.pickup_hz is None else wave(self.pickup_hz, time)
+
+    def _ripple(self, rows: Integers) -> Floats:
+        time = self.evidence.grid.time_s[rows]
+        return np.zeros((rows.size, 0)) if self.pickup_hz is None else ripple(self.pickup_hz, time)
 
     def _fixture_wave(self, fixture: Fixture) -> Floats:
-        """Give the interference in the fixture, a phase for each calibration."""
-        columns = np.zeros((fixture.time_s.size, self.waves[len(self.evidence.grid.trials) :].size))
-        if self.pickup_hz is not None:
-            phase = 2.0 * np.pi * self.pickup_hz * fixture.time_s
-            for log in range(columns.shape[1] // 2):
-                here = fixture.log == log
-                columns[here, 2 * log] = np.cos(phase[here])
-                columns[here, 2 * log + 1] = np.sin(phase[here])
-        return np.asarray(fixture.average @ columns)
+        logs = len(self.evidence.data.calibrations)
+        if self.pickup_hz is None:
+            return np.zeros((fixture.time_s.size, 0))
+        return fixture_wave(self.pickup_hz, fixture, logs)
 
     def _fixture_turned(self, fixture: Fixture, effects: Floats) -> Floats:
         """Give what the later calibrations read more for a film turned once before each."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from spa_fo.gap.candidates import Candidates, Ids, ordered
 from spa_fo.gap.drive import DriveFit
 from spa_fo.gap.evidence import Evidence, angle_chain
-from spa_fo.gap.explain import Fit
+from spa_fo.gap.explain import PICKUP, Fit
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.chain import Seat
 from spa_fo.plant.effects.library import LIBRARY
@@ -101,7 +101,7 @@ def combined(candidates: Candidates) -> list[Explanation]:
             evidence = fit.log_evidence + (drive.log_evidence if drive is not None else 0.0)
             pickup = None
             if "mains_pickup" in ids and candidates.slow is not None:
-                amplitude = float(np.sqrt(2.0 * fit.solution.variances[-1]))
+                amplitude = float(np.sqrt(2.0 * fit.solution.variances[PICKUP]))
                 pickup = (candidates.slow.frequency_hz, amplitude)
                 evidence -= candidates.slow.search_price
             whole = Explanation(ordered(tuple(names)), fit, drive, pickup, evidence)

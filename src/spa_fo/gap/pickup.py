@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from spa_fo.gap.evidence import Evidence
-from spa_fo.gap.explain import PICKUP, AngleProblem, Fit
+from spa_fo.gap.explain import (
+    HARMONIC,
+    PICKUP,
+    SWELL,
+    AngleProblem,
+    Fit,
+    fixture_wave,
+    ripple,
+    wave,
+)
 from spa_fo.gap.mixed import Block, Prior, normal_equations, solve
 
 Floats = NDArray[np.float64]
@@ -18,6 +27,8 @@ _PADDED = 8192
 _SLOWEST_FAST_HZ = 3.2  # of the lines that the averaged samples do not show
 _SLOWEST_HZ = 0.02
 _MOST_SLOW = 400  # frequencies that are tried
+_BARE = (PICKUP, PICKUP)
+_RIPPLED = (*_BARE, SWELL, SWELL, HARMONIC, HARMONIC, HARMONIC, HARMONIC)
 _LOCKED = 0.01  # probability of phases so much alike by chance
 _SHOWS = 0.3  # of the trials' amplitude
 _UNEVEN = 1.6
@@ -108,12 +119,13 @@ def slow_line(problem: AngleProblem, z: Floats) -> Pickup:
     blocks, _ = problem.blocks(z)
     prior = problem.prior(z)
     tried, width = _slow_frequencies(problem.evidence)
-    found = _best_of(problem, blocks, prior, tried)
-    for _ in range(4):
-        around = found + width * np.linspace(-1.0, 1.0, 7)
-        found = _best_of(problem, blocks, prior, np.maximum(around, _SLOWEST_HZ))
-        width /= 3.0
-    return Pickup(found, 0.0, 0.0, True, float(np.log(tried.size)))
+    found, amplitude = _best_of(problem, blocks, prior, tried)
+    for _ in range(4):  # a calibration takes longer than a trial, and tells neighbours apart
+        around = found + width * np.linspace(-1.0, 1.0, 13)
+        around = np.maximum(around, _SLOWEST_HZ)
+        found, amplitude = _best_of(problem, blocks, prior, around, _RIPPLED)
+        width /= 6.0
+    return Pickup(found, amplitude, 0.0, True, float(np.log(tried.size)))
 
 
 def _slow_frequencies(evidence: Evidence) -> tuple[Floats, float]:
@@ -167,28 +179,47 @@ def is_other_in_fixture(evidence: Evidence, fit: Fit) -> bool:
 
 
 def _best_of(
-    problem: AngleProblem, blocks: list[Block], prior: Prior, frequencies: Floats
-) -> float:
-    """Add a wave of each frequency to the linearised problem; return the most probable one."""
-    grid, rows = problem.evidence.grid, problem.used_rows()
-    waves = problem.size + np.arange(2 * len(rows)).reshape(-1, 2)
-    more = np.full(waves.size, PICKUP)
+    problem: AngleProblem,
+    blocks: list[Block],
+    prior: Prior,
+    frequencies: Floats,
+    groups: tuple[int, ...] = _BARE,
+) -> tuple[float, float]:
+    """Add a wave of each frequency to the linearised problem; the most probable, its amplitude.
+
+    With the wave alone (`_BARE`) the trials decide; with what goes with it, the calibrations too.
+    """
+    grid, rows, each = problem.evidence.grid, problem.used_rows(), len(groups)
+    fixture = problem.evidence.fixture if groups is _RIPPLED else None
+    logs = 0 if fixture is None else len(problem.evidence.data.calibrations)
+    own = each * len(rows)
+    size = problem.size + own + 2 * logs
     wider = Prior(
-        np.concatenate([prior.mean, np.zeros(waves.size)]),
-        np.concatenate([prior.variance, np.ones(waves.size)]),
-        np.concatenate([prior.group, more]),
+        np.concatenate([prior.mean, np.zeros(own + 2 * logs)]),
+        np.concatenate([prior.variance, np.ones(own + 2 * logs)]),
+        np.concatenate([prior.group, np.tile(groups, len(rows)), np.full(2 * logs, PICKUP)]),
         prior.scale,
     )
-    size = problem.size + waves.size
-    evidence = []
+    solutions = []
     for frequency in frequencies.tolist():
         waved = list(blocks)
         for i, used in enumerate(rows):
-            phase = 2.0 * np.pi * frequency * grid.time_s[used]
-            columns = np.column_stack([blocks[i].columns, np.cos(phase), np.sin(phase)])
-            waved[i] = replace(
-                blocks[i], columns=columns, index=np.concatenate([blocks[i].index, waves[i]])
-            )
-        normal = normal_equations(waved, size)
-        evidence.append(solve(normal, wider, problem.scales**2, rounds=2).log_evidence)
-    return float(frequencies[int(np.argmax(evidence))])
+            time = grid.time_s[used]
+            columns = np.hstack([wave(frequency, time), ripple(frequency, time)])[:, :each]
+            waved[i] = _with(blocks[i], columns, problem.size + each * i)
+        if fixture is not None:
+            at = len(rows)
+            waved[at] = _with(blocks[at], fixture_wave(frequency, fixture, logs), size - 2 * logs)
+        solutions.append(solve(normal_equations(waved, size), wider, problem.scales**2, rounds=2))
+    best = int(np.argmax([solution.log_evidence for solution in solutions]))
+    amplitude = float(np.sqrt(2.0 * solutions[best].variances[PICKUP]))
+    return float(frequencies[best]), amplitude
+
+
+def _with(block: Block, columns: Floats, first: int) -> Block:
+    """Add columns to a block, which stand from `first` on among all."""
+    return replace(
+        block,
+        columns=np.hstack([block.columns, columns]),
+        index=np.append(block.index, first + np.arange(columns.shape[1])),
+    )
