@@ -123,9 +123,9 @@ class Spring:
 class Friction:
     """Four elastic stops in parallel, one after another sliding: Prandtl and Ishlinskii."""
 
-    def __init__(self, size, turn):
+    def __init__(self, size, turn, tail):
         self.size = size
-        self.radius = turn * np.arange(1, 5) / 4.0
+        self.radius = turn * (np.arange(1, 5) / 4.0) ** tail
         self.state = np.zeros(4)
 
     def _moved(self, distance):

@@ -31,7 +31,7 @@ SIZES: dict[str, dict[str, float]] = {
     "contact_stop": {"angle_deg": 40.0, "stiffness": 3.0, "softness_deg": 4.0},
     "mullins_softening": {"fraction": 0.2},
     "creep": {"per_decade": 0.06, "typical_s": 20.0, "decades": 1.2},
-    "hysteresis": {"moment_deg": 4.0, "turn_deg": 20.0},
+    "hysteresis": {"moment_deg": 4.0, "turn_deg": 20.0, "tail": 1.5},
     "thermal_drift": {"per_hour": 0.5, "fading_per_hour": 0.5},
     "parameter_shift": {},
     "sensor_nonlinearity": {"at_minus_10deg": 1.0, "at_24deg": 2.0, "at_60deg": -3.0},

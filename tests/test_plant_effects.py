@@ -16,7 +16,7 @@ from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, 
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, Memory, chain_for
-from spa_fo.plant.effects.actuator import STOPS, _friction, _rub
+from spa_fo.plant.effects.actuator import STOPS, _friction, _rub, stop_radii
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, IDS, LIBRARY, absent, stage_of, switches
 from spa_fo.plant.effects.sensor import read_angle
@@ -205,7 +205,7 @@ LAWS = {
     ),
     "contact_stop": lambda p: naive.Spring(lambda a: stop(a, p)),
     "hysteresis": lambda p: naive.Friction(
-        math.radians(p["moment_deg"]), math.radians(p["turn_deg"])
+        math.radians(p["moment_deg"]), math.radians(p["turn_deg"]), p["tail"]
     ),
 }
 
@@ -221,15 +221,18 @@ def test_a_moment_in_the_loop_against_a_convolution(name: str) -> None:
     np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
 
 
-@given(moves=st.lists(st.floats(-1.5, 1.5), min_size=1, max_size=20))
+@given(
+    moves=st.lists(st.floats(-1.5, 1.5), min_size=1, max_size=20),
+    tail=st.floats(0.4, 4.0),
+)
 @settings(max_examples=50, deadline=None)
-def test_friction_stops_one_after_another(moves: list[float]) -> None:
-    twin, stops = naive.Friction(1.0, 0.4), np.zeros(STOPS)
+def test_friction_stops_one_after_another(moves: list[float], tail: float) -> None:
+    twin, stops, radii = naive.Friction(1.0, 0.4, tail), np.zeros(STOPS), stop_radii(0.4, tail)
     for move in moves:
-        found, _ = _friction(move, stops, 0.4)
+        found, _ = _friction(move, stops, radii)
         assert found == pytest.approx(twin.moment(0.0, 2.0 * move), abs=1e-12)
         twin.accept(0.0, move)
-        _rub(move, stops, 0.4)
+        _rub(move, stops, radii)
         np.testing.assert_allclose(stops, twin.state, atol=1e-12)
 
 

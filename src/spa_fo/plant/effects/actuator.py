@@ -98,6 +98,9 @@ def move(
     drifting = not math.isnan(e[THERMAL_DRIFT])
     looped = stiff or heavy or stopped or mullins or rubbing
 
+    radii = np.ones(STOPS)
+    if rubbing:
+        radii = stop_radii(math.radians(e[HYSTERESIS + 1]), e[HYSTERESIS + 2])
     creep_size = np.zeros(creep.size)
     if creeping:
         creep_size = creep_sizes(e[CREEP], e[CREEP + 1], e[CREEP + 2])
@@ -148,9 +151,7 @@ def move(
                     moment += e[MULLINS_SOFTENING] * part
                     slope += e[MULLINS_SOFTENING] * tangent
                 if rubbing:
-                    part, tangent = _friction(
-                        middle - angle, stops, math.radians(e[HYSTERESIS + 1])
-                    )
+                    part, tangent = _friction(middle - angle, stops, radii)
                     moment += math.radians(e[HYSTERESIS]) * part
                     slope += math.radians(e[HYSTERESIS]) * tangent
                 v = u - moment / static
@@ -165,7 +166,7 @@ def move(
         modes[n] += pole_gain[k] * v
         new = free + direct[k] * v
         if rubbing:
-            _rub(new - angle, stops, math.radians(e[HYSTERESIS + 1]))
+            _rub(new - angle, stops, radii)
         if mullins:
             _soften(
                 angle,
@@ -238,24 +239,31 @@ def _soften(
 
 
 @njit
-def _friction(moved: float, stops: Floats, turn: float) -> tuple[float, float]:
+def stop_radii(turn: float, tail: float) -> Floats:
+    """Travel over which each stop yields: `turn` for the last, the others by a power law."""
+    radii = np.empty(STOPS)
+    for j in range(STOPS):
+        radii[j] = turn * ((j + 1.0) / STOPS) ** tail
+    return radii
+
+
+@njit
+def _friction(moved: float, stops: Floats, radii: Floats) -> tuple[float, float]:
     """Mean stop of a Prandtl-Ishlinskii stack after moving further, -1 to 1; and its slope."""
     total, slope = 0.0, 0.0
     for j in range(STOPS):
-        radius = turn * (j + 1.0) / STOPS
-        state = stops[j] + moved / radius
+        state = stops[j] + moved / radii[j]
         if state > 1.0:
             state = 1.0
         elif state < -1.0:
             state = -1.0
         else:
-            slope += 1.0 / radius
+            slope += 1.0 / radii[j]
         total += state
     return total / STOPS, slope / STOPS
 
 
 @njit
-def _rub(moved: float, stops: Floats, turn: float) -> None:
+def _rub(moved: float, stops: Floats, radii: Floats) -> None:
     for j in range(STOPS):
-        state = stops[j] + moved * STOPS / (turn * (j + 1.0))
-        stops[j] = min(max(state, -1.0), 1.0)
+        stops[j] = min(max(stops[j] + moved / radii[j], -1.0), 1.0)

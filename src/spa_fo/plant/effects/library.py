@@ -179,7 +179,8 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
         "actuator",
         (
             _size("moment_deg", "deg", 3.0, 25.0, 1.5),
-            _shape("turn_deg", "deg", 20.0, 1.8, 2.0, 120.0),
+            _shape("turn_deg", "deg", 25.0, 1.8, 2.0, 160.0),
+            _shape("tail", "1", 1.4, 1.5, 0.4, 4.0),
         ),
     ),
     (
