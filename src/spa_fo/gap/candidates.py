@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.drive import DriveFit, fit_drive, fit_drives
 from spa_fo.gap.evidence import Evidence, angle_chain, modelled_pressure, tolerant
-from spa_fo.gap.explain import MOST_STEPS, AngleProblem, Fit, Slot, best_fit, to_z
+from spa_fo.gap.explain import AngleProblem, Fit, Slot, best_fit, to_z
 from spa_fo.gap.pickup import (
     Pickup,
     fast_line,
@@ -25,6 +25,7 @@ from spa_fo.gap.pickup import (
     is_uneven,
     slow_line,
 )
+from spa_fo.gap.together import each
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -135,8 +136,7 @@ def consider(
     start = free if own else base
     ranked = fitter.singles(singles, level, start.searched)
     if not own:
-        for name in ranked[:_FREED]:
-            fitter.single(name, "free", free.searched)
+        fitter.complete(ranked[:_FREED], "free", free.searched)
     fast = fast_line(evidence)
     slow = None
     if "mains_pickup" not in excluded:
@@ -147,8 +147,7 @@ def consider(
             del fitter.fits[(("mains_pickup",), level)]
     # Beside the best one, an effect that shows little alone may show all the more.
     pairs = [*combinations(ranked[:_PAIRED], 2), *((ranked[0], name) for name in ranked[_PAIRED:])]
-    for pair in pairs:
-        fitter.joined(ordered(pair), level, _GROWING_STEPS)
+    fitter.join([ordered(pair) for pair in pairs], level)
     fitter.grow(ranked[:_FREED], level)
     fitter.prune(level)
     return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow, tuple(excluded))
@@ -269,20 +268,31 @@ class _Fitter:
 
     def singles(self, names: Sequence[str], level: str, base: Floats) -> list[str]:
         """Fit single effects, the promising ones to the end; return them, best first."""
-        first = {}
-        for name in names:
+
+        def screened(name: str) -> Fit:
             problem = self.problem((name,), level)
-            fits = [problem.fit(start, _SCREENING_STEPS) for start in problem.starts(base)]
-            first[name] = best_fit(fits)
-            self.fits[((name,), level)] = first[name]
+            return best_fit(
+                [problem.fit(start, _SCREENING_STEPS) for start in problem.starts(base)]
+            )
+
+        first = dict(zip(names, each(screened, names), strict=True))
+        self.fits |= {((name,), level): fit for name, fit in first.items()}
         ranked = sorted(names, key=lambda name: -first[name].log_evidence)
         best = first[ranked[0]].log_evidence if ranked else 0.0
-        for rank, name in enumerate(ranked):
-            if rank < _PAIRED or best - first[name].log_evidence < _PROMISING:
-                self.single(name, level, base)
+        promising = [
+            name
+            for rank, name in enumerate(ranked)
+            if rank < _PAIRED or best - first[name].log_evidence < _PROMISING
+        ]
+        self.complete(promising, level, base)
         return sorted(names, key=lambda name: -self.fits[((name,), level)].log_evidence)
 
-    def single(self, name: str, level: str, base: Floats) -> None:
+    def complete(self, names: Sequence[str], level: str, base: Floats) -> None:
+        """Fit single effects to the end."""
+        fits = each(lambda name: self._single(name, level, base), names)
+        self.fits |= {((name,), level): fit for name, fit in zip(names, fits, strict=True)}
+
+    def _single(self, name: str, level: str, base: Floats) -> Fit:
         problem = self.problem((name,), level)
         earlier = self.fits.get(((name,), level)) or self.fits.get(((name,), "near"))
         starts = [earlier.searched] if earlier is not None else problem.starts(base)
@@ -294,10 +304,15 @@ class _Fitter:
                 self.evidence, self.chain, self.given, (name,), level, changed=True
             )
             fits.append(changed.fit(starts[0]))
-        self.fits[((name,), level)] = best_fit(fits)
+        return best_fit(fits)
 
-    def joined(self, ids: Ids, level: str, most_steps: int = MOST_STEPS) -> Fit:
-        """Fit several effects from where each came out alone."""
+    def join(self, sets: Sequence[Ids], level: str) -> list[Fit]:
+        """Fit several effects together, some sets of them, from where each came out alone."""
+        fits = each(lambda ids: self._joined(ids, level), sets)
+        self.fits |= {(ids, level): fit for ids, fit in zip(sets, fits, strict=True)}
+        return fits
+
+    def _joined(self, ids: Ids, level: str) -> Fit:
         problem = self.problem(ids, level)
         known = [self.fits[((name,), level)] for name in ids]
         better = max(known, key=lambda fit: fit.log_evidence)
@@ -307,9 +322,7 @@ class _Fitter:
             for slot, value in zip(self._slots(fit), fit.searched[5:], strict=True)
         }
         at_singles = np.array([values[slot.place] for slot in problem.slots])
-        start = np.concatenate([better.searched[:5], at_singles])
-        self.fits[(ids, level)] = problem.fit(start, most_steps)
-        return self.fits[(ids, level)]
+        return problem.fit(np.concatenate([better.searched[:5], at_singles]), _GROWING_STEPS)
 
     def grow(self, names: Sequence[str], level: str) -> None:
         """Add effect after effect to the best set, while each adds far more than it costs."""
@@ -318,11 +331,9 @@ class _Fitter:
             return  # the library lacks nearly everything
         best = best_fit(fits)
         while 2 <= len(best.ids) < _MOST_TOGETHER:
-            wider = [
-                self.joined(ordered((*best.ids, name)), level, _GROWING_STEPS)
-                for name in names
-                if name not in best.ids
-            ]
+            wider = self.join(
+                [ordered((*best.ids, name)) for name in names if name not in best.ids], level
+            )
             if not wider or best_fit(wider).log_evidence < best.log_evidence + _WORTH_ADDING:
                 return
             best = best_fit(wider)
@@ -334,15 +345,22 @@ class _Fitter:
             (fit for (ids, own), fit in self.fits.items() if own == level and len(ids) >= fewest),
             key=lambda fit: -fit.log_evidence,
         )
-        for fit in ranked[:_PRUNED]:
-            values = dict(zip([s.place for s in self._slots(fit)], fit.searched[5:], strict=True))
-            for ids in combinations(fit.ids, len(fit.ids) - 1):
-                problem = self.problem(ids, level)
-                left = np.array([values[slot.place] for slot in problem.slots])
-                again = problem.fit(np.concatenate([fit.searched[:5], left]))
-                known = self.fits.get((ids, level))
-                if known is None or again.log_evidence > known.log_evidence:
-                    self.fits[(ids, level)] = again
+        smaller = [
+            (fit, ids)
+            for fit in ranked[:_PRUNED]
+            for ids in combinations(fit.ids, len(fit.ids) - 1)
+        ]
+        for again in each(lambda task: self._without(*task), smaller):
+            known = self.fits.get((again.ids, level))
+            if known is None or again.log_evidence > known.log_evidence:
+                self.fits[(again.ids, level)] = again
+
+    def _without(self, fit: Fit, ids: Ids) -> Fit:
+        """Fit what is left of a set from where the whole one came out."""
+        values = dict(zip([s.place for s in self._slots(fit)], fit.searched[5:], strict=True))
+        problem = self.problem(ids, fit.level)
+        left = np.array([values[slot.place] for slot in problem.slots])
+        return problem.fit(np.concatenate([fit.searched[:5], left]))
 
     def _slots(self, fit: Fit) -> list[Slot]:
         return self.problem(fit.ids, fit.level).slots

@@ -26,6 +26,7 @@ from spa_fo.gap.hold_out import (
     rmse,
     shrink,
 )
+from spa_fo.gap.together import each
 from spa_fo.gap.verdict import Scored, Verdict, log_weight
 from spa_fo.plant.effects.library import absent
 
@@ -94,7 +95,7 @@ def claim(
     unlike = _least_alike(everything)
     held, folds = _folds(everything, held, verdict, rng)
     leading = _leading(verdict)
-    parts = [_without(candidates, everything, fold, leading) for fold in folds]
+    parts = each(lambda fold: _without(candidates, everything, fold, leading), folds)
     curves = {
         name: _assembled([part.curves[name] for part in parts], folds, everything)
         for name in parts[0].curves

@@ -18,6 +18,7 @@ from spa_fo.gap.evidence import Evidence, modelled_pressure
 from spa_fo.gap.explain import TIMING_S, Slot
 from spa_fo.gap.mixed import Block, Prior, Solution
 from spa_fo.gap.search import climb, point_at
+from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.memory import FINEST_STEP_S
 
@@ -96,15 +97,17 @@ def fit_drives(evidence: Evidence, excluded: Sequence[str] = ()) -> dict[tuple[s
     names = [
         name for name, effect in LIBRARY.items() if effect.stage == "drive" and name not in excluded
     ]
-    fits: dict[tuple[str, ...], DriveFit] = {(): fit_drive(evidence, ())}
-    for name in names:
-        fits[(name,)] = fit_drive(evidence, (name,))
+    alone = [(), *((name,) for name in names)]
+    fits = dict(zip(alone, each(lambda ids: fit_drive(evidence, ids), alone), strict=True))
     ranked = sorted(names, key=lambda name: -fits[(name,)].log_evidence)
-    for one, other in sorted({*combinations(ranked[:4], 2), *((ranked[0], n) for n in ranked[1:])}):
-        pair = tuple(sorted((one, other), key=names.index))
+    chosen = sorted({*combinations(ranked[:4], 2), *((ranked[0], n) for n in ranked[1:])})
+    pairs = [tuple(sorted(pair, key=names.index)) for pair in chosen]
+
+    def together(pair: tuple[str, ...]) -> DriveFit:
         start = np.concatenate([fits[(name,)].searched for name in pair])
-        fits[pair] = fit_drive(evidence, pair, start)
-    return fits
+        return fit_drive(evidence, pair, start)
+
+    return fits | dict(zip(pairs, each(together, pairs), strict=True))
 
 
 class _Problem:
