@@ -138,6 +138,31 @@ class Friction:
         self.state = self._moved(after - before)
 
 
+class Bundle:
+    """Levels of chains that stiffen until they are passed or have been passed for long."""
+
+    def __init__(self, fraction, loadings, dwell, share, span, step):
+        self.fraction, self.loadings, self.dwell, self.share = fraction, loadings, dwell, share
+        self.first = span * np.arange(9) / 9.0
+        self.width = span / 9.0
+        self.step = step
+        self.virgin = np.ones(9)
+
+    def _passed(self, angle):
+        return np.clip(angle - self.first, 0.0, self.width)
+
+    def moment(self, before, after):
+        middle = 0.5 * (before + after)
+        chains = float(self.virgin @ self._passed(middle))
+        whole = float(np.mean(self.virgin)) * middle
+        return self.fraction * (self.share * chains + (1.0 - self.share) * whole)
+
+    def accept(self, before, after):
+        beyond = self._passed(after) / self.width
+        newly = np.maximum(beyond - self._passed(before) / self.width, 0.0)
+        self.virgin *= np.exp(-beyond * self.step / self.dwell - newly / self.loadings)
+
+
 def loop(load, step, x, law):
     """Angle (rad) at the end of equal steps, G in a loop with a further moment.
 

@@ -207,6 +207,14 @@ LAWS = {
     "hysteresis": lambda p: naive.Friction(
         math.radians(p["moment_deg"]), math.radians(p["turn_deg"]), p["tail"]
     ),
+    "mullins_softening": lambda p: naive.Bundle(
+        p["fraction"],
+        p["loadings"],
+        p["dwell_s"],
+        p["level_share"],
+        math.radians(p["span_deg"]),
+        STEP_S,
+    ),
 }
 
 

@@ -49,7 +49,7 @@ class Memory:
     modes: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(MODES, complex))
     creep: Floats = field(default_factory=lambda: np.zeros(CREEP_TIMES_S.size))
     stops: Floats = field(default_factory=lambda: np.zeros(STOPS + 1))
-    virgin: Floats = field(default_factory=lambda: np.ones(MULLINS_LEVELS.size))
+    virgin: Floats = field(default_factory=lambda: np.ones(MULLINS_LEVELS))
     film: Floats = field(default_factory=lambda: np.zeros(4 + CREEP_TIMES_S.size))
     play_kpa: Floats = field(default_factory=lambda: np.zeros(2))
     ends_s: float = math.nan

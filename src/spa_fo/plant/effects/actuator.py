@@ -29,7 +29,7 @@ THERMAL_DRIFT = LIBRARY["thermal_drift"].first
 CREEP_TIMES_S = np.logspace(-1.0, 3.5, 10)  # two a decade
 _DECADE = 0.5  # of creep time that one element stands for
 STOPS = 4
-MULLINS_LEVELS = np.deg2rad(np.arange(5.0, 90.0, 10.0))
+MULLINS_LEVELS = 9
 _REFERENCE = math.radians(60.0)
 _NEWTON = 6
 
@@ -98,6 +98,7 @@ def move(
     drifting = not math.isnan(e[THERMAL_DRIFT])
     looped = stiff or heavy or stopped or mullins or rubbing
 
+    width = math.radians(e[MULLINS_SOFTENING + 4]) / MULLINS_LEVELS if mullins else 0.0
     radii = np.ones(STOPS)
     if rubbing:
         radii = stop_radii(math.radians(e[HYSTERESIS + 1]), e[HYSTERESIS + 2])
@@ -147,7 +148,7 @@ def move(
                             / (beyond + soft) ** 2
                         )
                 if mullins:
-                    part, tangent = _virgin_moment(middle, virgin, e[MULLINS_SOFTENING + 3])
+                    part, tangent = _virgin_moment(middle, virgin, width, e[MULLINS_SOFTENING + 3])
                     moment += e[MULLINS_SOFTENING] * part
                     slope += e[MULLINS_SOFTENING] * tangent
                 if rubbing:
@@ -173,6 +174,7 @@ def move(
                 new,
                 STEPS_S[k],
                 virgin,
+                width,
                 e[MULLINS_SOFTENING + 1],
                 e[MULLINS_SOFTENING + 2],
             )
@@ -205,19 +207,18 @@ def _drift(hours: float, rate: float, fading: float) -> float:
 
 
 @njit
-def _virgin_moment(angle: float, virgin: Floats, share: float) -> tuple[float, float]:
+def _virgin_moment(angle: float, virgin: Floats, width: float, share: float) -> tuple[float, float]:
     """Moment of what has not been softened yet, and its slope.
 
     Chains of the levels that the angle has passed pull (`share` of it), and the whole bundle
-    stiffens the actuator as a whole (the rest).
+    stiffens the actuator as a whole (the rest). Levels are `width` (rad) apart.
     """
     whole = 0.0
     local = 0.0
     tangent = 0.0
-    width = MULLINS_LEVELS[1] - MULLINS_LEVELS[0]
     for j in range(virgin.size):
         whole += virgin[j]
-        part = min(max(angle - MULLINS_LEVELS[j] + 0.5 * width, 0.0), width)
+        part = min(max(angle - j * width, 0.0), width)
         local += virgin[j] * part
         if 0.0 < part < width:
             tangent += virgin[j]
@@ -227,15 +228,20 @@ def _virgin_moment(angle: float, virgin: Floats, share: float) -> tuple[float, f
 
 @njit
 def _soften(
-    before: float, after: float, step: float, virgin: Floats, loadings: float, dwell: float
+    before: float,
+    after: float,
+    step: float,
+    virgin: Floats,
+    width: float,
+    loadings: float,
+    dwell: float,
 ) -> None:
-    """Soften each level when it is passed upwards, and while the angle stays beyond it."""
+    """Soften each level as far as it is passed upwards, and while the angle stays beyond it."""
     for j in range(virgin.size):
-        if after > MULLINS_LEVELS[j]:
-            damage = step / dwell
-            if before < MULLINS_LEVELS[j]:
-                damage += 1.0 / loadings
-            virgin[j] *= math.exp(-damage)
+        beyond = min(max(after / width - j, 0.0), 1.0)
+        if beyond > 0.0:
+            newly = max(beyond - min(max(before / width - j, 0.0), 1.0), 0.0)
+            virgin[j] *= math.exp(-beyond * step / dwell - newly / loadings)
 
 
 @njit

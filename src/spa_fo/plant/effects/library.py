@@ -167,6 +167,7 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
             _shape("loadings", "1", 2.0, 2.2, 0.2, 30.0),
             _shape("dwell_s", "s", 25.0, 2.5, 1.0, 500.0),
             _size("level_share", "1", 0.6, 1.0, 0.5),
+            _shape("span_deg", "deg", 85.0, 1.2, 40.0, 150.0),
         ),
     ),
     (
