@@ -241,7 +241,7 @@ def test_a_damaged_campaign(
 ) -> None:
     folder = tmp_path / "steps"
     shutil.copytree(steps, folder)
-    (folder / "step_30" / "trial_01.csv").write_bytes(b"")
+    (folder / "step_30" / "trial_01.csv").write_bytes(b"t,command,angle\n")
     campaigns.write_sums(folder)
     line = refused(command(folder, truth, tmp_path / "out"), capsys)
     assert "step_30/trial_01.csv" in line
