@@ -24,7 +24,7 @@ keep_blas_to_one_thread()
 import yaml  # noqa: E402
 
 from spa_fo.atomic import write_text  # noqa: E402
-from spa_fo.gap import Diagnosis, diagnose_files, write_diagnosis  # noqa: E402
+from spa_fo.gap import Diagnosis, diagnose_files  # noqa: E402
 from spa_fo.identify import fit_campaign  # noqa: E402
 from spa_fo.plant import TransferFunction, write_model  # noqa: E402
 from spa_fo.report.diagnosis import write_report  # noqa: E402
@@ -106,9 +106,8 @@ def run(name: str, data: Path, work: Path) -> tuple[TransferFunction, Diagnosis]
     print(name, fitted.report(), sep="\n")
     diagnosis = diagnose_files(folder, model, seed=SEED, progress=print)
     write_report(diagnosis, OUT / name)
-    write_diagnosis(OUT / name / "diagnosis.json", diagnosis)
-    for vector_graphics in (OUT / name).glob("*.pdf"):
-        vector_graphics.unlink()
+    for beside in [*(OUT / name).glob("*.pdf"), OUT / name / "augmented_model.json"]:
+        beside.unlink()
     return fitted.model.transfer_function, diagnosis
 
 
