@@ -61,7 +61,8 @@ _SLOPE_STEP = 1e-4
 LN_GAIN = 4  # among the searched coefficients
 MOST_STEPS = 16
 _PACE_STEP = 2e-3
-_OF_WAVE = 0.1  # part of an interference that no wave of a few columns takes
+# Part of an interference that no wave of a few columns takes; set on blind cases opened before.
+_OF_WAVE = 0.1
 
 
 def to_z(x: Floats) -> Floats:

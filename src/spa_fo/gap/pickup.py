@@ -132,6 +132,7 @@ def _slow_frequencies(evidence: Evidence) -> tuple[Floats, float]:
     """Give frequencies near enough to each other that no line falls between, and their distance.
 
     A wave of a phase of its own in every trial is as broad as the inverse of a trial's length.
+    Beyond a minute (`_MOST_SLOW`) they lie further apart than that asks for.
     """
     time = evidence.grid.time_s
     length = float(np.median([np.ptp(time[rows]) for rows in evidence.rows]))
