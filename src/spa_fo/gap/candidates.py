@@ -42,6 +42,7 @@ _SCREENING_STEPS, _GROWING_STEPS = 4, 7
 _PROMISING = 40.0  # nats behind the best after screening
 _UNSEEN_BY_STEPS = np.array([0.12, 0.03, 0.5, 0.5, 0.0])  # as searched: orders, ln a1, a0, K
 _STANDS_OUT, _NOTHING_KPA = 6.0, 0.5  # of a pressure in one trial: deviations of the noise, kPa
+_AGAINST_INTERFERENCE = (is_locked, is_uneven, is_other_in_fixture)
 RELEVANT, RELEVANT_PART = 0.35, 0.12
 """An effect that moves the angle by less than this part of the noise floor is none; and one that
 moves it by less than this part of what the largest does may only make up for that one's form."""
@@ -68,7 +69,7 @@ class Candidates:
     fast : Pickup
         The strongest fast line of the flex channel.
     slow : Pickup or None
-        The strongest slow one.
+        A slow one, if there is any.
     excluded : tuple of str
         Effects that the library lacked.
     """
@@ -137,19 +138,19 @@ def consider(
     ranked = fitter.singles(singles, level, start.searched)
     if not own:
         fitter.complete(ranked[:_FREED], "free", free.searched)
-    fast = fast_line(evidence)
-    slow = None
-    if "mains_pickup" not in excluded:
-        slow = slow_line(fitter.problem((), level), start.searched)
-        found = (slow.frequency_hz, slow.amplitude_deg)
-        fit = fitter.fit(("mains_pickup",), level, start.searched, found)
-        if any(speaks(evidence, fit) for speaks in (is_locked, is_uneven, is_other_in_fixture)):
-            del fitter.fits[(("mains_pickup",), level)]
     # Beside the best one, an effect that shows little alone may show all the more.
     pairs = [*combinations(ranked[:_PAIRED], 2), *((ranked[0], name) for name in ranked[_PAIRED:])]
     fitter.join([ordered(pair) for pair in pairs], level)
     fitter.grow(ranked[:_FREED], level)
+    if "mains_pickup" not in excluded and fitter.interfere(start, level):
+        # All that was tried before had the interference to make up for.
+        fitter.join([ordered(("mains_pickup", name)) for name in ranked], level)
+        fitter.grow(ranked[:_FREED], level)
+        if not own:
+            fitter.fit(("mains_pickup",), "free", free.searched)
     fitter.prune(level)
+    fast = fast_line(evidence)
+    slow = fitter.slow
     return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow, tuple(excluded))
 
 
@@ -231,17 +232,18 @@ class _Fitter:
         self.chain = chain
         self.given = given
         self.fits: dict[tuple[Ids, str], Fit] = {}
+        self.slow: Pickup | None = None
 
-    def problem(
-        self, ids: Ids, level: str, pickup: tuple[float, float] | None = None
-    ) -> AngleProblem:
+    def problem(self, ids: Ids, level: str, slow: Pickup | None = None) -> AngleProblem:
+        slow = slow or self.slow
+        waved = slow is not None and "mains_pickup" in ids
         return AngleProblem(
             self.evidence,
             self.chain,
             self.given,
             ids,
             level,
-            pickup=pickup,
+            pickup=(slow.frequency_hz, slow.amplitude_deg) if slow and waved else None,
             changed=self._has_changed(level) and "sensor_nonlinearity" in ids,
         )
 
@@ -250,14 +252,8 @@ class _Fitter:
         alone = self.fits.get((("sensor_nonlinearity",), level))
         return alone is not None and alone.changed
 
-    def fit(
-        self,
-        ids: Ids,
-        level: str,
-        start: Floats | None = None,
-        pickup: tuple[float, float] | None = None,
-    ) -> Fit:
-        problem = self.problem(ids, level, pickup)
+    def fit(self, ids: Ids, level: str, start: Floats | None = None) -> Fit:
+        problem = self.problem(ids, level)
         self.fits[(ids, level)] = problem.fit(to_z(self.given) if start is None else start[:5])
         return self.fits[(ids, level)]
 
@@ -337,6 +333,24 @@ class _Fitter:
             if not wider or best_fit(wider).log_evidence < best.log_evidence + _WORTH_ADDING:
                 return
             best = best_fit(wider)
+
+    def interfere(self, plain: Fit, level: str) -> bool:
+        """Look for a slow interference beside the best set, and whether that much is left for it.
+
+        What keeps time with the response, or is in one trial alone, is none.
+        """
+        host = best_fit([fit for (_, own), fit in self.fits.items() if own == level] or [plain])
+        if host.log_evidence < plain.log_evidence + _WORTH_ADDING:
+            host = plain
+        line = slow_line(self.problem(host.ids, level), host.searched)
+        ids = ordered((*host.ids, "mains_pickup"))
+        fit = self.problem(ids, level, line).fit(host.searched)
+        if any(speaks(self.evidence, fit) for speaks in _AGAINST_INTERFERENCE):
+            return False
+        self.slow = line
+        self.fits[(ids, level)] = fit
+        self.fit(("mains_pickup",), level, plain.searched)
+        return fit.log_evidence - line.search_price - host.log_evidence > _WORTH_ADDING
 
     def prune(self, level: str) -> None:
         """Take members out of the best sets: what is left may do as well from where they led it."""

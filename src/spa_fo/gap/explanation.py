@@ -116,7 +116,7 @@ def combined(candidates: Candidates) -> list[Explanation]:
 def _with_fast_line(whole: Explanation, candidates: Candidates) -> Explanation | None:
     """Add interference above 3 Hz, which the averaged angles do not show."""
     fast = candidates.fast
-    if fast.fast_gain <= 0.0 or "mains_pickup" in whole.ids or candidates.slow is None:
+    if fast.fast_gain <= 0.0 or "mains_pickup" in (*whole.ids, *candidates.excluded):
         return None
     return replace(
         whole,

@@ -77,18 +77,19 @@ class Stress:
 def stress(scored: Scored, candidates: Candidates, floor_deg: float) -> Stress:
     """Measure what an explanation leaves."""
     evidence = candidates.evidence
-    explained = float(np.sqrt(sum(size**2 for size in scored.moved_deg.values())))
+    wave = scored.moved_deg.get("mains_pickup", 0.0)
+    others = [size for name, size in scored.moved_deg.items() if name != "mains_pickup"]
+    explained = np.hypot.reduce([0.0, *others])
     of_floor, of_explained = _OF_FLOOR, _OF_EXPLAINED
     if scored.named == ("parameter_shift",):
         of_floor, of_explained = _OF_FLOOR_EXACT, _OF_EXPLAINED_EXACT
-    if "mains_pickup" in scored.named:
-        of_explained = _OF_PICKUP
-    angle = scored.leftover_deg / float(np.hypot(of_floor * floor_deg, of_explained * explained))
+    right = [of_floor * floor_deg, of_explained * explained, _OF_PICKUP * wave]
+    angle = scored.leftover_deg / float(np.hypot.reduce(right))
     fixture = 0.0
     if evidence.fixture is not None:
         seen = float(np.sqrt(np.mean(evidence.fixture.deviation_deg**2)))
-        of_fixture = _OF_PICKUP if "mains_pickup" in scored.named else _OF_FIXTURE
-        fixture = scored.fixture_deg / float(np.hypot(_FIXTURE_DEG, of_fixture * seen))
+        right = [_FIXTURE_DEG, _OF_FIXTURE * seen, _OF_PICKUP * wave]
+        fixture = scored.fixture_deg / float(np.hypot.reduce(right))
     pressure = 0.0
     if candidates.drives:
         gain = candidates.given[4] / candidates.given[3] / evidence.data.campaign.reference_kpa
@@ -167,8 +168,10 @@ def signs(scored: Scored, candidates: Candidates, floor_deg: float) -> dict[str,
     # An interference that swells and fades asks for corrections of its own.
     steady = "mains_pickup" not in named
     sizes = sorted(scored.moved_deg[name] for name in named)
-    # Only of two can one be a helper: sets of three and more are what real campaigns have.
-    part = max(sizes[0] / sizes[1], _NO_HELP) if len(sizes) == 2 else 1.0
+    # Only of two can one be a helper: sets of three and more are what real campaigns have. And no
+    # wave with phases of its own makes up for a response.
+    helped = len(sizes) == 2 and scored.moved_deg.get("mains_pickup") != sizes[0]
+    part = max(sizes[0] / sizes[1], _NO_HELP) if helped else 1.0
     return {
         **left,
         "loudest": max(left.values()),

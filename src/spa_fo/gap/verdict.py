@@ -35,6 +35,7 @@ ALIKE: tuple[frozenset[str], ...] = (
     frozenset({"stiffening", "gravity_load", "contact_stop", "sensor_nonlinearity"}),
     frozenset({"sensor_nonlinearity", "sensor_saturation"}),
     frozenset({"contact_stop", "sensor_saturation"}),
+    frozenset({"mains_pickup", "sensor_slip"}),  # a slow wave has a phase in every trial
 )
 """Effects that look alike: two of them together are mostly one whose form is not quite right."""
 _SHORTLIST = 60.0  # nats behind the best that may still matter after tempering
