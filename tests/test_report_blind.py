@@ -10,9 +10,11 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from spa_fo.errors import BadInput
 from spa_fo.gap.blind import Answer, Claim, Outcome, Realised, Truth, score
 from spa_fo.report.blind import publish, tables
 from spa_fo.report.blind_document import Origin, document, main
+from spa_fo.report.blind_history import Mark, read_history, table, with_run, written
 
 ORIGIN = Origin("0123abcd", "snakemake --cores 2 blind")
 
@@ -119,7 +121,7 @@ def test_the_command_copies_the_results_beside_the_page(
     assert main([str(results), str(documents), "--command", "snakemake blind"]) == 0
     page = (documents / "blind.md").read_text()
     links = {part.split(")")[0] for part in page.split("](")[1:]}
-    assert len(links) == 6
+    assert len(links) == 7
     for link in links:
         assert (documents / link).is_file(), link
     assert "`snakemake blind`" in page
@@ -133,3 +135,45 @@ def test_a_folder_without_scores_is_bad_input(
     assert left.value.code == 2
     assert "scores.json" in capsys.readouterr().err
     assert not (tmp_path / "docs").exists()
+
+
+def test_every_run_stays_on_the_page(scores: dict[str, Any], tmp_path: Path) -> None:
+    results, documents = tmp_path / "results", tmp_path / "docs"
+    results.mkdir()
+    for seed in (7, 8, 8):
+        told = scores | {"benchmark": {"seed": seed}}
+        (results / "scores.json").write_text(json.dumps(told))
+        publish(told, results)
+        assert main([str(results), str(documents), "--command", "snakemake blind"]) == 0
+    page = (documents / "blind.md").read_text()
+    assert "| mark | goal | seed 7 | seed 8 |\n" in page
+    history = read_history(documents / "blind" / "history.csv")
+    assert len(history) == 2 * len(scores["marks"])
+    missed = next(mark for mark in history if mark.reached == "no")
+    assert f"| {missed.mark} | {missed.goal} | **{missed.value}** | **{missed.value}** |" in page
+    reached = sum(mark["reached"] is True for mark in scores["marks"])
+    judged = sum(mark["reached"] is not None for mark in scores["marks"])
+    assert f"| marks reached | | {reached} of {judged} | {reached} of {judged} |" in page
+
+
+def test_history_is_read_as_it_was_written(tmp_path: Path) -> None:
+    runs = [
+        Mark(1, "abc", 340, "found, or not", "≥ 0.95", "0.955", 44, "yes"),
+        Mark(2, "abc", 340, "found, or not", "≥ 0.95", "", 0, ""),
+    ]
+    path = tmp_path / "history.csv"
+    assert read_history(path) == []
+    path.write_text(written(runs), encoding="utf-8")
+    assert read_history(path) == runs
+    again = with_run(runs, [Mark(1, "abc", 340, "found, or not", "≥ 0.95", "0.9", 44, "no")])
+    assert [mark.seed for mark in again] == [2, 1]
+    assert "| found, or not | ≥ 0.95 | – | **0.9** |" in table(again)
+
+
+@pytest.mark.parametrize(("text", "where"), [("seed,commit\n1,abc\n", "line 1"), (None, "line 2")])
+def test_a_damaged_history_is_bad_input(tmp_path: Path, text: str | None, where: str) -> None:
+    path = tmp_path / "history.csv"
+    whole = written([Mark(1, "abc", 340, "found", "≥ 0.95", "0.955", 44, "yes")])
+    path.write_text(text or whole.replace("340", "many"), encoding="utf-8")
+    with pytest.raises(BadInput, match=f"history.csv: {where}: expected"):
+        read_history(path)

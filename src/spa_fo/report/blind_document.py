@@ -20,6 +20,7 @@ from spa_fo.atomic import replacing, write_text
 from spa_fo.edge import bad_input_exits
 from spa_fo.errors import BadInput
 from spa_fo.report.blind import KIND_NAMES, PROTOCOL_NAMES, goal
+from spa_fo.report.blind_history import Mark, marks_of, read_history, table, with_run, written
 
 _COPIED = ("*.csv", "*.png", "table.md", "scores.json", "seals.txt")
 _FIGURES = {
@@ -60,7 +61,20 @@ class Origin:
     command: str
 
 
-def document(scores: Mapping[str, Any], origin: Origin, folder: str = "blind") -> str:
+_HISTORY = """\
+Every run that was published, the first one left, what was not reached bold. Between two runs the
+diagnosis was changed after what the cases of the earlier one taught, and each run has new cases: no
+column is chosen among several of one state. With so few cases a mark, the same diagnosis passes a
+goal in one run and misses it in the next: the intervals above say by how much. All values with
+their commits: [{folder}/history.csv]({folder}/history.csv)."""
+
+
+def document(
+    scores: Mapping[str, Any],
+    origin: Origin,
+    folder: str = "blind",
+    history: Sequence[Mark] = (),
+) -> str:
     """Write the page.
 
     Parameters
@@ -71,6 +85,8 @@ def document(scores: Mapping[str, Any], origin: Origin, folder: str = "blind") -
         Stands at the end.
     folder : str
         Where the figures and tables are, seen from the page.
+    history : sequence of Mark
+        Of all runs, this one last.
 
     Returns
     -------
@@ -88,6 +104,9 @@ def document(scores: Mapping[str, Any], origin: Origin, folder: str = "blind") -
         *_figures(folder),
         "## Claims of how far the gap closes, by kind of answer",
         _claims(scores["claims"]),
+        "## All runs",
+        _HISTORY.format(folder=folder),
+        table(history),
         "## How it was done",
         _METHOD.format(
             seed=scores["benchmark"]["seed"],
@@ -259,11 +278,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     with bad_input_exits():
         scores = _scores(given.results / "scores.json")
-        page = document(scores, Origin(_commit(), given.command))
+        origin = Origin(_commit(), given.command)
+        run = marks_of(scores, origin.commit, [goal(mark) for mark in scores["marks"]])
+        told = given.documents / "blind" / "history.csv"
+        history = with_run(read_history(told), run)
+        page = document(scores, origin, history=history)
         for pattern in _COPIED:
             for path in sorted(given.results.glob(pattern)):
                 with replacing(given.documents / "blind" / path.name) as temporary:
                     shutil.copyfile(path, temporary)
+        write_text(told, written(history))
         write_text(given.documents / "blind.md", page)
     return 0
 
