@@ -26,6 +26,7 @@ from spa_fo.gap.pickup import (
     slow_line,
 )
 from spa_fo.gap.together import each
+from spa_fo.gap.typical import typical
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -58,6 +59,9 @@ class Candidates:
         What was fitted.
     given : (5,) array
         Coefficients of the given model.
+    centre : (5,) array
+        What the explanations' coefficients are expected to be near: the given ones, or typical
+        ones where the given model has bent with the gap.
     own : bool
         Whether that model was fitted to this campaign's own gap.
     chain : Chain
@@ -76,6 +80,7 @@ class Candidates:
 
     evidence: Evidence
     given: Floats
+    centre: Floats
     own: bool
     chain: Chain
     drives: dict[Ids, DriveFit]
@@ -117,10 +122,12 @@ def consider(
     excluded : sequence of str
         Effects that the library is to lack.
     """
-    evidence = _tolerant(evidence, given, own)
+    centre = typical(given, _horizon_s(evidence)) if own else given
+    bent = [to_z(given)] if own else []
+    evidence = _tolerant(evidence, given, centre, own)
     drives = fit_drives(evidence, excluded) if evidence.has_pressure else {}
     chain = angle_chain(evidence, given, _known_pressure(evidence, drives))
-    fitter = _Fitter(evidence, chain, given)
+    fitter = _Fitter(evidence, chain, centre)
     singles = [
         name
         for name in IDS
@@ -130,7 +137,7 @@ def consider(
     ]
     base = fitter.fit((), "known")
     # What every explanation has to beat.
-    free = fitter.refit("own" if own else "free", base.searched)
+    free = fitter.refit("own" if own else "free", [base.searched, *bent])
     if not own:
         fitter.fit((), "shifted", base.searched)
     level = "own" if own else "near"
@@ -151,10 +158,18 @@ def consider(
     fitter.prune(level)
     fast = fast_line(evidence)
     slow = fitter.slow
-    return Candidates(evidence, given, own, chain, drives, fitter.fits, fast, slow, tuple(excluded))
+    return Candidates(
+        evidence, given, centre, own, chain, drives, fitter.fits, fast, slow, tuple(excluded)
+    )
 
 
-def _tolerant(evidence: Evidence, given: Floats, own: bool) -> Evidence:
+def _horizon_s(evidence: Evidence) -> float:
+    """Half a trial: about as long as its first step."""
+    time = evidence.grid.time_s
+    return 0.5 * float(np.median([np.ptp(time[rows]) for rows in evidence.rows]))
+
+
+def _tolerant(evidence: Evidence, given: Floats, centre: Floats, own: bool) -> Evidence:
     """Look at the gaps first: what has to be explained says how exactly it has to be."""
     grid = evidence.grid
     kpa = pressure = None
@@ -165,17 +180,23 @@ def _tolerant(evidence: Evidence, given: Floats, own: bool) -> Evidence:
     chain = angle_chain(evidence, given, pressure)
     fit = AngleProblem(evidence, chain, given, (), "known").fit(to_z(given))
     if own:
-        fit = _identified(AngleProblem(evidence, chain, given, (), "own"), fit.searched)
+        starts = [to_z(centre), fit.searched]
+        fit = _identified(AngleProblem(evidence, chain, centre, (), "own"), starts)
     deg = grid.angle_deg - fit.predicted_deg
     # A part of each trial's deviation is its own.
     deg = np.sign(deg) * np.maximum(np.abs(deg) - evidence.noise_deg, 0.0)
     return tolerant(evidence, deg, kpa)
 
 
-def _identified(problem: AngleProblem, start: Floats) -> Fit:
+def _identified(problem: AngleProblem, starts: Sequence[Floats]) -> Fit:
     """Identify the plain model again, from several starts along where up-steps leave it free."""
-    starts = [start[:5] + share * _UNSEEN_BY_STEPS for share in (0.0, -1.0, 1.0)]
-    return best_fit([problem.fit(each) for each in starts])
+    return best_fit(
+        [
+            problem.fit(start[:5] + share * _UNSEEN_BY_STEPS)
+            for start in starts
+            for share in (0.0, -1.0, 1.0)
+        ]
+    )
 
 
 def _known_pressure(evidence: Evidence, drives: dict[Ids, DriveFit]) -> Floats | None:
@@ -227,10 +248,10 @@ def _standing_out(evidence: Evidence, fit: DriveFit) -> Floats:
 class _Fitter:
     """Fits explanations of the angle and keeps them."""
 
-    def __init__(self, evidence: Evidence, chain: Chain, given: Floats) -> None:
+    def __init__(self, evidence: Evidence, chain: Chain, centre: Floats) -> None:
         self.evidence = evidence
         self.chain = chain
-        self.given = given
+        self.centre = centre
         self.fits: dict[tuple[Ids, str], Fit] = {}
         self.slow: Pickup | None = None
 
@@ -240,7 +261,7 @@ class _Fitter:
         return AngleProblem(
             self.evidence,
             self.chain,
-            self.given,
+            self.centre,
             ids,
             level,
             pickup=(slow.frequency_hz, slow.amplitude_deg) if slow and waved else None,
@@ -254,12 +275,12 @@ class _Fitter:
 
     def fit(self, ids: Ids, level: str, start: Floats | None = None) -> Fit:
         problem = self.problem(ids, level)
-        self.fits[(ids, level)] = problem.fit(to_z(self.given) if start is None else start[:5])
+        self.fits[(ids, level)] = problem.fit(to_z(self.centre) if start is None else start[:5])
         return self.fits[(ids, level)]
 
-    def refit(self, level: str, start: Floats) -> Fit:
+    def refit(self, level: str, starts: Sequence[Floats]) -> Fit:
         """Fit the plain model alone."""
-        self.fits[((), level)] = _identified(self.problem((), level), start)
+        self.fits[((), level)] = _identified(self.problem((), level), starts)
         return self.fits[((), level)]
 
     def singles(self, names: Sequence[str], level: str, base: Floats) -> list[str]:
@@ -268,7 +289,11 @@ class _Fitter:
         def screened(name: str) -> Fit:
             problem = self.problem((name,), level)
             return best_fit(
-                [problem.fit(start, _SCREENING_STEPS) for start in problem.starts(base)]
+                [
+                    problem.fit(start, _SCREENING_STEPS)
+                    for coefficients in self._bases(level, base)
+                    for start in problem.starts(coefficients)
+                ]
             )
 
         first = dict(zip(names, each(screened, names), strict=True))
@@ -282,6 +307,10 @@ class _Fitter:
         ]
         self.complete(promising, level, base)
         return sorted(names, key=lambda name: -self.fits[((name,), level)].log_evidence)
+
+    def _bases(self, level: str, base: Floats) -> list[Floats]:
+        """Coefficients to start from: the plain model identified again may have bent as well."""
+        return [base, to_z(self.centre)] if level == "own" else [base]
 
     def complete(self, names: Sequence[str], level: str, base: Floats) -> None:
         """Fit single effects to the end."""
@@ -297,7 +326,7 @@ class _Fitter:
             fits.append(earlier)
         if name == "sensor_nonlinearity" and self.evidence.drift_deg.size:
             changed = AngleProblem(
-                self.evidence, self.chain, self.given, (name,), level, changed=True
+                self.evidence, self.chain, self.centre, (name,), level, changed=True
             )
             fits.append(changed.fit(starts[0]))
         return best_fit(fits)

@@ -178,15 +178,16 @@ def _without(
 ) -> _Part:
     """Fit the leading explanations and the plain model to the trials that are not left out."""
     evidence, given = replace(candidates.evidence, takes_part=~out), candidates.given
+    centre = candidates.centre
     fitted = {s.named: refit(candidates, evidence, s.explanation) for s in leading}
     explained = {named: simulate(e, everything) for named, e in fitted.items()}
     best = max(fitted, key=lambda named: log_weight(fitted[named]), default=None)
     chain = angle_chain(evidence, given, None)
     plain, _ = chain.run(given, absent())
     start = candidates.angles[((), candidates.loose)].searched
-    again = AngleProblem(evidence, chain, given, (), candidates.loose).fit(start)
+    again = AngleProblem(evidence, chain, centre, (), candidates.loose).fit(start)
     loose = replace(evidence, tolerance_deg=_FREE_FORM_DEG)
-    free_form = AngleProblem(loose, chain, given, (), candidates.loose).fit(again.searched)
+    free_form = AngleProblem(loose, chain, centre, (), candidates.loose).fit(again.searched)
     curves = {
         "plain": plain,
         "refit": again.predicted_deg,
@@ -232,7 +233,7 @@ def refit(candidates: Candidates, evidence: Evidence, chosen: Explanation) -> Ex
     problem = AngleProblem(
         evidence,
         candidates.chain,
-        candidates.given,
+        candidates.centre,
         fit.ids,
         fit.level,
         pickup=chosen.pickup if "mains_pickup" in fit.ids else None,

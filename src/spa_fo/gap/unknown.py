@@ -92,7 +92,7 @@ def stress(scored: Scored, candidates: Candidates, floor_deg: float) -> Stress:
         fixture = scored.fixture_deg / float(np.hypot.reduce(right))
     pressure = 0.0
     if candidates.drives:
-        gain = candidates.given[4] / candidates.given[3] / evidence.data.campaign.reference_kpa
+        gain = candidates.centre[4] / candidates.centre[3] / evidence.data.campaign.reference_kpa
         per_kpa = float(np.degrees(gain))
         plain = candidates.drives[()].missed_kpa[evidence.used]
         seen = per_kpa * float(np.sqrt(np.mean(plain**2)))
