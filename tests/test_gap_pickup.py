@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import campaigns
+from spa_fo.gap.candidates import consider
 from spa_fo.gap.evidence import angle_chain, collect
 from spa_fo.gap.explain import AngleProblem, ripple, to_z, wave
 from spa_fo.gap.pickup import fast_line, is_locked, slow_line
@@ -88,6 +89,38 @@ def test_interference_that_beats_does_not_bend_the_coefficients(clean: CampaignD
     fit = problem.fit(known.searched)
     np.testing.assert_allclose(fit.x, GIVEN, rtol=0.03)
     assert fit.discrepancy < 0.2
+
+
+def lagging(data: CampaignData, time_s: float) -> CampaignData:
+    """Let the sensor follow the angle with a delay of the first order."""
+    trials = []
+    for trial in data.trials:
+        seen = np.empty_like(trial.angle_deg)
+        last = trial.angle_deg[0]
+        for i, step_s in enumerate(np.diff(trial.t_s, prepend=trial.t_s[0])):
+            last += (trial.angle_deg[i] - last) * (1.0 - np.exp(-step_s / time_s))
+            seen[i] = last
+        trials.append(replace(trial, angle_deg=seen))
+    return replace(data, trials=tuple(trials))
+
+
+def test_a_slow_interference_is_found_beside_another_effect(clean: CampaignData) -> None:
+    both = hummed(lagging(clean, 0.4), 0.31, 2.0)
+    found = consider(collect(both), GIVEN, own=False)
+    best = max(found.angles.values(), key=lambda fit: fit.log_evidence)
+    assert "mains_pickup" in best.ids
+    assert found.slow is not None
+    assert found.slow.frequency_hz == pytest.approx(0.31, rel=0.03)
+    pair = found.angles[(("sensor_lag", "mains_pickup"), "near")]
+    alone = [fit for (ids, _), fit in found.angles.items() if len(ids) == 1]
+    assert pair.log_evidence > max(fit.log_evidence for fit in alone) + 12.0
+    np.testing.assert_allclose(pair.x, GIVEN, rtol=0.05)
+
+
+def test_no_interference_is_joined_with_effects_where_there_is_none(clean: CampaignData) -> None:
+    found = consider(collect(lagging(clean, 0.4)), GIVEN, own=False)
+    # Beside the best set and alone, and what is left of the former; not with every effect.
+    assert sum("mains_pickup" in ids for ids, _ in found.angles) <= 4
 
 
 def trials_of(*phases: list[float]) -> tuple[Any, Any]:
