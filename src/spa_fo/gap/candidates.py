@@ -372,14 +372,21 @@ class _Fitter:
         if host.log_evidence < plain.log_evidence + _WORTH_ADDING:
             host = plain
         line = slow_line(self.problem(host.ids, level), host.searched)
+        alone = self.problem(("mains_pickup",), level, line).fit(plain.searched)
         ids = ordered((*host.ids, "mains_pickup"))
-        fit = self.problem(ids, level, line).fit(host.searched)
-        if any(speaks(self.evidence, fit) for speaks in _AGAINST_INTERFERENCE):
+        beside = self.problem(ids, level, line).fit(host.searched) if host.ids else alone
+        # A set that explains less than the wave does may be made up from it.
+        judged = [beside, alone] if alone.log_evidence > host.log_evidence else [beside]
+        if all(self._is_no_interference(fit) for fit in judged):
             return False
         self.slow = line
-        self.fits[(ids, level)] = fit
-        self.fit(("mains_pickup",), level, plain.searched)
-        return fit.log_evidence - line.search_price - host.log_evidence > _WORTH_ADDING
+        self.fits[(ids, level)] = beside
+        self.fits[(("mains_pickup",), level)] = alone
+        best = best_fit([beside, alone])
+        return best.log_evidence - line.search_price - host.log_evidence > _WORTH_ADDING
+
+    def _is_no_interference(self, fit: Fit) -> bool:
+        return any(speaks(self.evidence, fit) for speaks in _AGAINST_INTERFERENCE)
 
     def prune(self, level: str) -> None:
         """Take members out of the best sets: what is left may do as well from where they led it."""

@@ -112,6 +112,34 @@ def fixture_wave(hz: float, fixture: Fixture, logs: int) -> Floats:
     return np.asarray(fixture.average @ columns)
 
 
+def settled_wave(hz: float, fixture: Fixture, log: int) -> tuple[Floats, Floats]:
+    """Give what a calibration's settled means hold of a wave: angles (k,), the wave (k, 2)."""
+    phased = wave(hz, fixture.time_s)
+    means = phased - fixture.average @ phased
+    here = fixture.log == log
+    angles, first = np.unique(fixture.known_deg[here], return_index=True)
+    return angles, means[here][first]
+
+
+def misread(hz: float, fixture: Fixture, angle_deg: Floats) -> Floats:
+    """Give what the curve misreads for a wave in the calibration that it is from, (n, 2)."""
+    angles, means = settled_wave(hz, fixture, 0)
+    return -np.column_stack([np.interp(angle_deg, angles, each) for each in means.T])
+
+
+def drift_wave(hz: float, fixture: Fixture, evidence: Evidence) -> Floats:
+    """Give the wave in what later calibrations read at the first one's angles, (rows, 2 logs)."""
+    drifts = evidence.data.drifts
+    columns = np.zeros((evidence.drift_deg.size, 2 * (len(drifts) + 1)))
+    columns[:, :2] = misread(hz, fixture, evidence.drift_angle_deg)
+    at = 0
+    for log, drift in enumerate(drifts, start=1):
+        end = at + drift.angles_deg.size
+        columns[at:end, 2 * log : 2 * log + 2] = settled_wave(hz, fixture, log)[1]
+        at = end
+    return columns
+
+
 @dataclass(frozen=True)
 class Slot:
     """One searched parameter of an effect and its place in the vector of all."""
@@ -300,6 +328,8 @@ class AngleProblem:
         logs = trials + len(evidence.data.calibrations)
         self.waves = at + np.arange(0 if self.pickup_hz is None else 2 * logs).reshape(-1, 2)
         at += self.waves.size
+        # The wave in the calibration that the curve is from.
+        self.first_log = self.waves[trials : trials + 1].ravel()
         self.ripples = at + np.arange(0 if self.pickup_hz is None else 6 * trials).reshape(-1, 6)
         at += self.ripples.size
         # How far a film with hysteresis had turned before each later calibration.
@@ -400,6 +430,7 @@ class AngleProblem:
                     pace[used, None],
                     self._wave(used),
                     self._ripple(used),
+                    self._misread(y[used]),
                     evidence.support[i][local],
                 ]
             )
@@ -412,6 +443,7 @@ class AngleProblem:
                     self.own[i],
                     self.waves[i : i + 1].ravel(),
                     self.ripples[i : i + 1].ravel(),
+                    self.first_log,
                     self.support[evidence.support_index[i]],
                 ]
             )
@@ -449,6 +481,13 @@ class AngleProblem:
         time = self.evidence.grid.time_s[rows]
         return np.zeros((rows.size, 0)) if self.pickup_hz is None else ripple(self.pickup_hz, time)
 
+    def _misread(self, angle_deg: Floats) -> Floats:
+        """Give what the sensor's curve misreads for the interference in its calibration."""
+        fixture = self.evidence.fixture
+        if self.pickup_hz is None or fixture is None:
+            return np.zeros((angle_deg.size, 0))
+        return misread(self.pickup_hz, fixture, angle_deg)
+
     def _fixture_wave(self, fixture: Fixture) -> Floats:
         logs = len(self.evidence.data.calibrations)
         if self.pickup_hz is None:
@@ -474,12 +513,20 @@ class AngleProblem:
         # A curve that has changed since it was calibrated shows again in a later calibration.
         shape = curve_columns(evidence.drift_angle_deg) if self.changed else np.zeros((rows, 0))
         index = self.curve if self.changed else self.curve[:0]
+        waves = self.waves[len(evidence.grid.trials) :].ravel()
         return Block(
             evidence.drift_deg,
             1.0 / evidence.drift_sigma_deg**2,
-            np.hstack([shape, zero]),
-            np.concatenate([index, [self.walk], self.steps]),
+            np.hstack([shape, zero, self._drift_wave()]),
+            np.concatenate([index, [self.walk], self.steps, waves]),
         )
+
+    def _drift_wave(self) -> Floats:
+        """Give what the interference makes of later calibrations' settled means."""
+        fixture = self.evidence.fixture
+        if self.pickup_hz is None or fixture is None:
+            return np.zeros((self.evidence.drift_deg.size, 0))
+        return drift_wave(self.pickup_hz, fixture, self.evidence)
 
     def prior(self, z: Floats) -> Prior:
         """Prior of all columns' coefficients, those of the parameters as steps from `z`."""
@@ -517,6 +564,7 @@ class AngleProblem:
         zeros = b[self.walk] * (evidence.grid.orders - 1.0)
         if self.slips:
             zeros = zeros + np.cumsum(b[self.steps])
+        curve += self._misread(y) @ b[self.first_log]
         shared += curve + zeros[evidence.grid.sample_trial]
         residual = residual - curve - zeros[evidence.grid.sample_trial]
         for block, rows in zip(blocks, self.used_rows(), strict=False):

@@ -15,13 +15,16 @@ from spa_fo.gap.explain import (
     SWELL,
     AngleProblem,
     Fit,
+    drift_wave,
     fixture_wave,
+    misread,
     ripple,
     wave,
 )
 from spa_fo.gap.mixed import Block, Prior, normal_equations, solve
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 _PADDED = 8192
 _SLOWEST_FAST_HZ = 3.2  # of the lines that the averaged samples do not show
@@ -116,14 +119,14 @@ def _fast(evidence: Evidence) -> tuple[float, list[Floats]]:
 
 def slow_line(problem: AngleProblem, z: Floats) -> Pickup:
     """Find the line below 3 Hz that explains most beside the problem's effects at `z`."""
-    blocks, _ = problem.blocks(z)
+    blocks, angle_deg = problem.blocks(z)
     prior = problem.prior(z)
     tried, width = _slow_frequencies(problem.evidence)
-    found, amplitude = _best_of(problem, blocks, prior, tried)
+    found, amplitude = _best_of(problem, blocks, angle_deg, prior, tried)
     for _ in range(4):  # a calibration takes longer than a trial, and tells neighbours apart
         around = found + width * np.linspace(-1.0, 1.0, 13)
         around = np.maximum(around, _SLOWEST_HZ)
-        found, amplitude = _best_of(problem, blocks, prior, around, _RIPPLED)
+        found, amplitude = _best_of(problem, blocks, angle_deg, prior, around, _RIPPLED)
         width /= 6.0
     return Pickup(found, amplitude, 0.0, True, float(np.log(tried.size)))
 
@@ -175,13 +178,14 @@ def is_other_in_fixture(evidence: Evidence, fit: Fit) -> bool:
     trials = len(evidence.grid.trials)
     amplitude = np.sqrt(np.sum(fit.waves_deg**2, axis=1))
     logs = amplitude[trials:]
-    usual = float(np.median(amplitude[:trials]))
+    usual = float(np.median(amplitude[:trials][evidence.takes_part]))
     return bool(logs.size and (logs.max() < _SHOWS * usual or logs.min() > usual / _SHOWS))
 
 
 def _best_of(
     problem: AngleProblem,
     blocks: list[Block],
+    angle_deg: Floats,
     prior: Prior,
     frequencies: Floats,
     groups: tuple[int, ...] = _BARE,
@@ -190,11 +194,13 @@ def _best_of(
 
     With the wave alone (`_BARE`) the trials decide; with what goes with it, the calibrations too.
     """
-    grid, rows, each = problem.evidence.grid, problem.used_rows(), len(groups)
-    fixture = problem.evidence.fixture if groups is _RIPPLED else None
-    logs = 0 if fixture is None else len(problem.evidence.data.calibrations)
+    evidence, rows, each = problem.evidence, problem.used_rows(), len(groups)
+    grid = evidence.grid
+    fixture = evidence.fixture if groups is _RIPPLED else None
+    logs = 0 if fixture is None else len(evidence.data.calibrations)
     own = each * len(rows)
     size = problem.size + own + 2 * logs
+    in_logs = np.arange(size - 2 * logs, size)
     wider = Prior(
         np.concatenate([prior.mean, np.zeros(own + 2 * logs)]),
         np.concatenate([prior.variance, np.ones(own + 2 * logs)]),
@@ -207,20 +213,25 @@ def _best_of(
         for i, used in enumerate(rows):
             time = grid.time_s[used]
             columns = np.hstack([wave(frequency, time), ripple(frequency, time)])[:, :each]
-            waved[i] = _with(blocks[i], columns, problem.size + each * i)
+            waved[i] = _with(blocks[i], columns, problem.size + each * i + np.arange(each))
+            if fixture is not None:
+                known = misread(frequency, fixture, angle_deg[used])
+                waved[i] = _with(waved[i], known, in_logs[:2])
         if fixture is not None:
             at = len(rows)
-            waved[at] = _with(blocks[at], fixture_wave(frequency, fixture, logs), size - 2 * logs)
+            waved[at] = _with(blocks[at], fixture_wave(frequency, fixture, logs), in_logs)
+        if fixture is not None and evidence.drift_deg.size:
+            waved[-1] = _with(blocks[-1], drift_wave(frequency, fixture, evidence), in_logs)
         solutions.append(solve(normal_equations(waved, size), wider, problem.scales**2, rounds=2))
     best = int(np.argmax([solution.log_evidence for solution in solutions]))
     amplitude = float(np.sqrt(2.0 * solutions[best].variances[PICKUP]))
     return float(frequencies[best]), amplitude
 
 
-def _with(block: Block, columns: Floats, first: int) -> Block:
-    """Add columns to a block, which stand from `first` on among all."""
+def _with(block: Block, columns: Floats, index: Integers) -> Block:
+    """Add columns to a block, which stand at `index` among all."""
     return replace(
         block,
         columns=np.hstack([block.columns, columns]),
-        index=np.append(block.index, first + np.arange(columns.shape[1])),
+        index=np.append(block.index, index),
     )
