@@ -12,9 +12,10 @@ import pytest
 import campaigns
 from spa_fo.gap.candidates import consider
 from spa_fo.gap.evidence import angle_chain, collect
-from spa_fo.gap.explain import AngleProblem, ripple, to_z, wave
-from spa_fo.gap.pickup import fast_line, is_locked, slow_line
+from spa_fo.gap.explain import AngleProblem, drift_wave, misread, ripple, to_z, wave
+from spa_fo.gap.pickup import fast_line, is_locked, shows_in_fixture, slow_line
 from spa_fo.rig import CampaignData, read_campaign, read_trials
+from spa_fo.rig.calibration import Calibration, calibrate, drift
 
 GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
 
@@ -121,6 +122,61 @@ def test_no_interference_is_joined_with_effects_where_there_is_none(clean: Campa
     found = consider(collect(lagging(clean, 0.4)), GIVEN, own=False)
     # Beside the best set and alone, and what is left of the former; not with every effect.
     assert sum("mains_pickup" in ids for ids, _ in found.angles) <= 4
+
+
+def bent_by_hand(waves: list[tuple[float, float]], hz: float) -> list[Calibration]:
+    """Calibrate a straight sensor under a wave: angles of the waves are in counts / 4."""
+    known = [*range(0, 91, 15), *range(90, -1, -15)]
+    angles = np.repeat(np.array(known, dtype=float), 150)
+    t = 0.02 * np.arange(angles.size) + 2.0 * np.repeat(np.arange(len(known)), 150)
+    result = []
+    for cosine, sine in waves:
+        phase = 2.0 * np.pi * hz * t
+        counts = 300.0 + 4.0 * (angles + cosine * np.cos(phase) + sine * np.sin(phase))
+        result.append(calibrate(t, angles, counts, "pre.log"))
+    return result
+
+
+@pytest.mark.parametrize("hz", [0.07, 0.23, 0.53, 1.7])
+def test_the_curve_misreads_what_interference_makes_of_its_calibration(
+    hz: float, clean: CampaignData
+) -> None:
+    """Beside the curves themselves, drawn with the wave and read without: to first order."""
+    waves = [(0.7, -0.4), (0.2, 0.9)]
+    first, later = bent_by_hand(waves, hz)
+    data = replace(clean, calibrations=(first, later), drifts=(drift(first, later),))
+    evidence = collect(data)
+    assert evidence.fixture is not None
+    angles = np.arange(0.0, 91.0, 15.0)
+    misread_deg = misread(hz, evidence.fixture, angles) @ np.array(waves[0])
+    np.testing.assert_allclose(
+        misread_deg, first.angle_deg(300.0 + 4.0 * angles) - angles, atol=0.1
+    )
+    between = drift_wave(hz, evidence.fixture, evidence) @ np.concatenate(waves)
+    np.testing.assert_allclose(between, evidence.drift_deg, atol=0.1)
+    # It is no small matter, unless the dwells average it away.
+    assert np.abs(misread_deg).max() > (0.15 if hz < 1.0 else 0.0)
+    assert shows_in_fixture(evidence, hz) == (hz < 1.0)
+
+
+def test_an_interference_in_trials_and_calibration_is_explained_by_its_wave_alone(
+    clean: CampaignData,
+) -> None:
+    """What the curve misreads for it takes no help of a bent sensor."""
+    (curve,) = bent_by_hand([(1.5, 0.5)], 0.13)
+    counts = [300.0 + 4.0 * trial.angle_deg for trial in hummed(clean, 0.13, 1.6).trials]
+    trials = tuple(
+        replace(trial, angle_deg=curve.angle_deg(each))
+        for trial, each in zip(clean.trials, counts, strict=True)
+    )
+    found = consider(
+        collect(replace(clean, trials=trials, calibrations=(curve,), drifts=())), GIVEN, own=False
+    )
+    alone = found.angles[(("mains_pickup",), "near")]
+    helped = [fit for (ids, _), fit in found.angles.items() if {"mains_pickup"} < set(ids)]
+    assert helped
+    assert alone.log_evidence > max(fit.log_evidence for fit in helped) - 3.0
+    np.testing.assert_allclose(alone.x, GIVEN, rtol=0.03)
 
 
 def trials_of(*phases: list[float]) -> tuple[Any, Any]:

@@ -23,6 +23,7 @@ from spa_fo.gap.pickup import (
     is_locked,
     is_other_in_fixture,
     is_uneven,
+    shows_in_fixture,
     slow_line,
 )
 from spa_fo.gap.together import each
@@ -43,7 +44,6 @@ _SCREENING_STEPS, _GROWING_STEPS = 4, 7
 _PROMISING = 40.0  # nats behind the best after screening
 _UNSEEN_BY_STEPS = np.array([0.12, 0.03, 0.5, 0.5, 0.0])  # as searched: orders, ln a1, a0, K
 _STANDS_OUT, _NOTHING_KPA = 6.0, 0.5  # of a pressure in one trial: deviations of the noise, kPa
-_AGAINST_INTERFERENCE = (is_locked, is_uneven, is_other_in_fixture)
 RELEVANT, RELEVANT_PART = 0.35, 0.12
 """An effect that moves the angle by less than this part of the noise floor is none; and one that
 moves it by less than this part of what the largest does may only make up for that one's form."""
@@ -377,7 +377,7 @@ class _Fitter:
         beside = self.problem(ids, level, line).fit(host.searched) if host.ids else alone
         # A set that explains less than the wave does may be made up from it.
         judged = [beside, alone] if alone.log_evidence > host.log_evidence else [beside]
-        if all(self._is_no_interference(fit) for fit in judged):
+        if all(self._is_no_interference(fit, line.frequency_hz) for fit in judged):
             return False
         self.slow = line
         self.fits[(ids, level)] = beside
@@ -385,8 +385,11 @@ class _Fitter:
         best = best_fit([beside, alone])
         return best.log_evidence - line.search_price - host.log_evidence > _WORTH_ADDING
 
-    def _is_no_interference(self, fit: Fit) -> bool:
-        return any(speaks(self.evidence, fit) for speaks in _AGAINST_INTERFERENCE)
+    def _is_no_interference(self, fit: Fit, hz: float) -> bool:
+        in_trials = is_locked(self.evidence, fit) or is_uneven(self.evidence, fit)
+        return in_trials or (
+            shows_in_fixture(self.evidence, hz) and is_other_in_fixture(self.evidence, fit)
+        )
 
     def prune(self, level: str) -> None:
         """Take members out of the best sets: what is left may do as well from where they led it."""

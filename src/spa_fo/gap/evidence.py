@@ -58,8 +58,8 @@ class Fixture:
         First and last step of each window.
     average : (rows, rows) array
         Takes the settled mean at each angle away.
-    time_s : (rows,) array
-        Time of each window in its log.
+    time_s, window_s : (rows,) arrays
+        Middle of each window in its log, and its length.
     log : (rows,) array
         Which calibration it is from.
     known_deg : (rows,) array
@@ -75,6 +75,7 @@ class Fixture:
     step_of: Integers
     average: Floats
     time_s: Floats
+    window_s: Floats
     log: Integers
     known_deg: Floats
     log_starts: Integers
@@ -426,7 +427,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
     step = STEPS_S[_FIXTURE_LEVEL]
     angle: list[Floats] = []
     level: list[Integers] = []
-    windows, deviation, sigma, groups, settled, times = [], [], [], [], [], []
+    windows, deviation, sigma, groups, settled, times, lengths = [], [], [], [], [], [], []
     at, log_starts = 0, [0]
     for number, calibration in enumerate(calibrations):
         before, start = 0.0, at
@@ -451,6 +452,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
                 windows.append((first, max(first + 1, at + move + round(edges[w + 1] / step))))
                 groups.append((number, dwell.angle_deg))
                 times.append(dwell.started_s + 0.5 * float(edges[w] + edges[w + 1]))
+                lengths.append(float(edges[w + 1] - edges[w]))
                 settled.append(w >= _WINDOWS // 2)
             at += move + stay
             before = dwell.angle_deg
@@ -480,6 +482,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
         step_of=np.array(windows),
         average=average,
         time_s=np.array(times),
+        window_s=np.array(lengths),
         log=np.array([number for number, _ in groups]),
         known_deg=np.array([known for _, known in groups]),
         log_starts=np.array(log_starts),

@@ -102,9 +102,14 @@ def ripple(hz: float, time_s: Floats) -> Floats:
     )
 
 
+def window_wave(hz: float, fixture: Fixture) -> Floats:
+    """Cosine and sine, averaged over the windows of a calibration's dwells, (rows, 2)."""
+    return wave(hz, fixture.time_s) * np.sinc(hz * fixture.window_s)[:, None]
+
+
 def fixture_wave(hz: float, fixture: Fixture, logs: int) -> Floats:
     """Cosine and sine in the dwells of calibrations, a phase for each, (rows, 2 logs)."""
-    phased = wave(hz, fixture.time_s)
+    phased = window_wave(hz, fixture)
     columns = np.zeros((fixture.time_s.size, 2 * logs))
     for log in range(logs):
         here = fixture.log == log
@@ -114,7 +119,7 @@ def fixture_wave(hz: float, fixture: Fixture, logs: int) -> Floats:
 
 def settled_wave(hz: float, fixture: Fixture, log: int) -> tuple[Floats, Floats]:
     """Give what a calibration's settled means hold of a wave: angles (k,), the wave (k, 2)."""
-    phased = wave(hz, fixture.time_s)
+    phased = window_wave(hz, fixture)
     means = phased - fixture.average @ phased
     here = fixture.log == log
     angles, first = np.unique(fixture.known_deg[here], return_index=True)

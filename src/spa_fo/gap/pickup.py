@@ -35,6 +35,7 @@ _RIPPLED = (*_BARE, SWELL, SWELL, HARMONIC, HARMONIC, HARMONIC, HARMONIC)
 _LOCKED = 0.01  # probability of phases so much alike by chance
 _SHOWS = 0.3  # of the trials' amplitude
 _UNEVEN = 1.6
+_LEFT = 0.5  # of a wave in the average over a window
 _FEWEST = 4  # samples of a step that say something about what is fast
 _FEWEST_FAST = 32  # such samples in all
 
@@ -169,6 +170,12 @@ def is_uneven(evidence: Evidence, fit: Fit) -> bool:
     trials = len(evidence.grid.trials)
     power = np.sum(fit.waves_deg[:trials] ** 2, axis=1)[evidence.takes_part]
     return bool(np.mean(power**2) > _UNEVEN * np.mean(power) ** 2)
+
+
+def shows_in_fixture(evidence: Evidence, hz: float) -> bool:
+    """Whether the windows of the calibrations' dwells are too short to average a wave away."""
+    fixture = evidence.fixture
+    return fixture is not None and bool(np.median(np.sinc(hz * fixture.window_s)) > _LEFT)
 
 
 def is_other_in_fixture(evidence: Evidence, fit: Fit) -> bool:
