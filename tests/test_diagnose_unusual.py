@@ -153,12 +153,14 @@ def test_a_calibration_between_trials_shows_the_slip_so_far() -> None:
             drift_deg=drift,
             drift_sigma_deg=sigma,
             drift_after=after,
-            grid=SimpleNamespace(orders=np.array([1, 4, 5])),
+            grid=SimpleNamespace(orders=np.array([1, 4, 5]), trials=trials),
         ),
         steps=np.array([7, 8, 9]),
         changed=False,
         curve=np.array([3]),
         walk=6,
+        waves=np.zeros((0, 2), dtype=int),  # no interference
+        _drift_wave=lambda: np.zeros((drift.size, 0)),
     )
     block = AngleProblem._drift_block(problem)  # type: ignore[arg-type]
     assert block.index.tolist() == [6, 7, 8, 9]
