@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import campaigns
+from spa_fo.gap import explain
 from spa_fo.gap.candidates import consider
 from spa_fo.gap.evidence import angle_chain, collect
-from spa_fo.gap.explain import AngleProblem, drift_wave, misread, ripple, to_z, wave
+from spa_fo.gap.explain import AngleProblem, Fit, drift_wave, misread, ripple, to_z, wave
 from spa_fo.gap.pickup import fast_line, is_locked, shows_in_fixture, slow_line
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.rig.calibration import Calibration, calibrate, drift
@@ -155,28 +156,33 @@ def test_the_curve_misreads_what_interference_makes_of_its_calibration(
     between = drift_wave(hz, evidence.fixture, evidence) @ np.concatenate(waves)
     np.testing.assert_allclose(between, evidence.drift_deg, atol=0.1)
     # It is no small matter, unless the dwells average it away.
-    assert np.abs(misread_deg).max() > (0.15 if hz < 1.0 else 0.0)
+    assert (np.abs(misread_deg).max() > 0.15) == (hz < 1.0)
     assert shows_in_fixture(evidence, hz) == (hz < 1.0)
 
 
-def test_an_interference_in_trials_and_calibration_is_explained_by_its_wave_alone(
-    clean: CampaignData,
+def test_one_wave_explains_trials_and_the_curve_that_its_calibration_bent(
+    clean: CampaignData, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the curve misreads for it takes no help of a bent sensor."""
+    """Without what the curve misreads for it the same wave explains far less."""
     (curve,) = bent_by_hand([(1.5, 0.5)], 0.13)
     counts = [300.0 + 4.0 * trial.angle_deg for trial in hummed(clean, 0.13, 1.6).trials]
     trials = tuple(
         replace(trial, angle_deg=curve.angle_deg(each))
         for trial, each in zip(clean.trials, counts, strict=True)
     )
-    found = consider(
-        collect(replace(clean, trials=trials, calibrations=(curve,), drifts=())), GIVEN, own=False
-    )
-    alone = found.angles[(("mains_pickup",), "near")]
-    helped = [fit for (ids, _), fit in found.angles.items() if {"mains_pickup"} < set(ids)]
-    assert helped
-    assert alone.log_evidence > max(fit.log_evidence for fit in helped) - 3.0
-    np.testing.assert_allclose(alone.x, GIVEN, rtol=0.03)
+    evidence = collect(replace(clean, trials=trials, calibrations=(curve,), drifts=()))
+    chain = angle_chain(evidence, GIVEN, None)
+
+    def fit() -> Fit:
+        found = (0.13, 1.6)
+        problem = AngleProblem(evidence, chain, GIVEN, ("mains_pickup",), "near", pickup=found)
+        return problem.fit(to_z(GIVEN))
+
+    with_curve = fit()
+    monkeypatch.setattr(explain, "misread", lambda hz, fixture, angle: np.zeros((angle.size, 2)))
+    without = fit()
+    assert with_curve.log_evidence > without.log_evidence + 12.0
+    np.testing.assert_allclose(with_curve.x, GIVEN, rtol=0.03)
 
 
 def trials_of(*phases: list[float]) -> tuple[Any, Any]:

@@ -127,7 +127,7 @@ def settled_wave(hz: float, fixture: Fixture, log: int) -> tuple[Floats, Floats]
 
 
 def misread(hz: float, fixture: Fixture, angle_deg: Floats) -> Floats:
-    """Give what the curve misreads for a wave in the calibration that it is from, (n, 2)."""
+    """Give what the curve misreads for a wave in its calibration, (n, 2); at its ends the last."""
     angles, means = settled_wave(hz, fixture, 0)
     return -np.column_stack([np.interp(angle_deg, angles, each) for each in means.T])
 
