@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import naive_gap
-from spa_fo.gap.mixed import Block, Prior, normal_equations, solve
+from spa_fo.gap.mixed import Block, Prior, bordered, normal_equations, solve
 
 
 def problem(seed, trials=4, rows=15):
@@ -41,6 +41,38 @@ def test_evidence_and_posterior_are_those_of_the_full_covariance(seed):
     # At its scale the variance's own prior adds nothing.
     naive = naive_gap.log_evidence(residual, noise, dense, mean, known)
     assert found.log_evidence == pytest.approx(naive, rel=1e-10)
+
+
+@pytest.mark.parametrize("places", [np.array([0, 1]), np.array([2, 5]), np.array([4, 5])])
+def test_columns_that_come_later_give_the_same_equations(places):
+    rng = np.random.default_rng(2)
+    blocks, later, index, whole = [], [], [], []
+    others = np.setdiff1d(np.arange(6), places)
+    for rows in (7, 9, 3):
+        columns, more = rng.standard_normal((rows, 4)), rng.standard_normal((rows, 2))
+        k = 0 if rows == 3 else 2  # one block gets none
+        block = Block(rng.standard_normal(rows), rng.uniform(0.5, 2.0, rows), columns, others)
+        blocks.append(block)
+        later.append(more[:, :k])
+        index.append(places[:k])
+        whole.append(
+            Block(
+                block.residual,
+                block.weight,
+                np.hstack([columns, more[:, :k]]),
+                np.concatenate([others, places[:k]]),
+            )
+        )
+    at_once = normal_equations(whole, 6)
+    known = others.max() + 1  # the equations may be as short as their columns allow
+    added = bordered(normal_equations(blocks, known), blocks, later, index, 6)
+    np.testing.assert_allclose(added.matrix, at_once.matrix, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(added.vector, at_once.vector, rtol=1e-12)
+    assert (added.square, added.log_noise, added.rows) == (
+        at_once.square,
+        at_once.log_noise,
+        at_once.rows,
+    )
 
 
 def test_variance_of_a_group_is_found():

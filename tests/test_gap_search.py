@@ -34,10 +34,12 @@ class Decay:
     def blocks(self, z):
         self.calls += 1
         y = self.predict(z)
-        slopes = np.column_stack([y / z[0] if z[0] else y, -TIME * np.exp(z[1]) * y])
-        columns = np.hstack([slopes, self.hats])
         weight = np.full(TIME.size, SIGMA**-2)
-        return [Block(self.measured - y, weight, columns, np.arange(self.size))], y
+        return [Block(self.measured - y, weight, self.hats, np.arange(2, self.size))], y
+
+    def slopes(self, z):
+        y = self.predict(z)
+        return [np.column_stack([y / z[0] if z[0] else y, -TIME * np.exp(z[1]) * y])]
 
     def prior(self, z):
         mean = np.concatenate([self.centre - z, np.zeros(8)])

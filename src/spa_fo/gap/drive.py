@@ -164,26 +164,32 @@ class _Problem:
         return np.asarray(grid.step_means(cells)[grid.sample_step])
 
     def blocks(self, z: Floats) -> tuple[list[Block], Floats]:
-        evidence, p = self.evidence, len(self.slots)
+        """Give what is left at `z`, and the columns of the sensor and the discrepancy."""
+        evidence, p = self.evidence, self.parameters
         measured = evidence.grid.measured_kpa
         assert measured is not None
         y = self.predict(z)
-        slopes = np.empty((y.size, p))
-        for k in range(p):
-            step = 0.01 * min(self.spread[k], 0.3 * max(abs(z[k]), 0.3))
-            step = -step if z[k] + step > self.high[k] else step
-            moved = z.copy()
-            moved[k] += step
-            slopes[:, k] = (self.predict(moved) - y) / step
         sensor = np.column_stack([np.ones(y.size), y, self._late(y)])
         noise = self.noise + self._unsteadiness(z)
         blocks = []
         for i in np.flatnonzero(evidence.takes_part):
             rows = evidence.rows[i]
-            columns = np.hstack([slopes[rows], sensor[rows], evidence.support[i]])
-            index = np.concatenate([np.arange(p + 3), p + 3 + evidence.support_index[i]])
+            columns = np.hstack([sensor[rows], evidence.support[i]])
+            index = p + np.concatenate([np.arange(3), 3 + evidence.support_index[i]])
             blocks.append(Block(measured[rows] - y[rows], 1.0 / noise[rows], columns, index))
         return blocks, y
+
+    def slopes(self, z: Floats) -> list[Floats]:
+        """By block, the columns of the effects' parameters at `z`."""
+        y = self.predict(z)
+        slopes = np.empty((y.size, self.parameters))
+        for k in range(self.parameters):
+            step = 0.01 * min(self.spread[k], 0.3 * max(abs(z[k]), 0.3))
+            step = -step if z[k] + step > self.high[k] else step
+            moved = z.copy()
+            moved[k] += step
+            slopes[:, k] = (self.predict(moved) - y) / step
+        return [slopes[self.evidence.rows[i]] for i in np.flatnonzero(self.evidence.takes_part)]
 
     def _unsteadiness(self, z: Floats) -> Floats:
         """Variance of each averaged sample where a jump may come sooner or later, kPa²."""

@@ -7,7 +7,7 @@ calibrated curve and a model discrepancy being integrated out (`mixed`). The evi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -242,12 +242,16 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Base:
-    """Parts of a prediction that most parameters leave as they are, while slopes are taken."""
+    """Parts of a prediction that most parameters leave as they are, while slopes are taken.
+
+    `slopes` holds those taken so far, of the angles and of the readings in the fixture.
+    """
 
     z: Floats
     effects: Floats
     angle_deg: Floats
     in_fixture: tuple[Floats, Seat]
+    slopes: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
 
 
 def _same(one: Floats, other: Floats, slots: Integers) -> bool:
@@ -392,24 +396,45 @@ class AngleProblem:
         fixture = self.evidence.fixture
         return (np.zeros(0), Seat()) if fixture is None else fixture.simulate(effects)
 
-    def blocks(self, z: Floats) -> tuple[list[Block], Floats]:
-        """Linearise at `z`: rows of all trials and calibrations; and the prediction."""
-        evidence, grid = self.evidence, self.evidence.grid
-        e = self.effects(z)
-        self._base = _Base(z, e, self.chain.angles(to_x(z), e)[0], self._in_fixture(e))
-        y, fixed = self.predict(z)
-        slopes = np.empty((y.size, self.parameters))
-        fixture_slopes = np.empty((fixed.size, self.parameters))
-        for k in range(self.parameters):
+    def _about(self, z: Floats) -> _Base:
+        """Simulate `z` itself, which blocks and slopes are both about."""
+        if self._base is None or not np.array_equal(z, self._base.z):
+            e = self.effects(z)
+            self._base = _Base(z, e, self.chain.angles(to_x(z), e)[0], self._in_fixture(e))
+        return self._base
+
+    def _slope(self, z: Floats, k: int) -> tuple[Floats, Floats]:
+        """Take the slopes over one parameter: of the angles, and of the readings in the fixture."""
+        known = self._about(z).slopes
+        if k not in known:
             step = _SLOPE_STEP if k < 5 else 0.01 * min(self.spread[k], 0.3 * max(abs(z[k]), 0.3))
             moved = z.copy()
             if moved[k] + step > self.high[k]:
                 step = -step
             moved[k] += step
-            up, fixture_up = self.predict(moved)
-            slopes[:, k] = (up - y) / step
-            fixture_slopes[:, k] = (fixture_up - fixed) / step
-        _, seat = self._base.in_fixture
+            here, there = self.predict(z), self.predict(moved)
+            known[k] = (there[0] - here[0]) / step, (there[1] - here[1]) / step
+        return known[k]
+
+    def slopes(self, z: Floats) -> list[Floats]:
+        """By block, the columns of the coefficients and the effects' parameters at `z`."""
+        pairs = [self._slope(z, k) for k in range(self.parameters)]
+        angles, in_fixture = (np.column_stack(each) for each in zip(*pairs, strict=True))
+        slopes = [angles[used] for used in self.used_rows()]
+        if self.evidence.fixture is not None:
+            slopes.append(in_fixture)
+        if self.evidence.drift_deg.size:
+            slopes.append(np.zeros((self.evidence.drift_deg.size, self.parameters)))
+        return slopes
+
+    def blocks(self, z: Floats) -> tuple[list[Block], Floats]:
+        """Give what is left at `z` of all trials and calibrations, and the nuisances' columns."""
+        evidence, grid = self.evidence, self.evidence.grid
+        base = self._about(z)
+        e = base.effects
+        y, fixed = self.predict(z)
+        gain, _ = self._slope(z, LN_GAIN)
+        _, seat = base.in_fixture
         quick, _ = self.chain.seated(seat).run(paced(to_x(z), 1.0 + _PACE_STEP), e)
         pace = (quick - y) / _PACE_STEP
         curve = curve_columns(y)
@@ -426,11 +451,10 @@ class AngleProblem:
             zero[:, 1 : i + 2] = 1.0
             columns = np.hstack(
                 [
-                    slopes[used],
                     curve[used],
                     late[used],
                     zero,
-                    slopes[used, LN_GAIN : LN_GAIN + 1],  # a stop or a ceiling holds it back
+                    gain[used, None],  # a stop or a ceiling holds it back
                     np.ones((used.size, 1)),
                     pace[used, None],
                     self._wave(used),
@@ -441,7 +465,6 @@ class AngleProblem:
             )
             index = np.concatenate(
                 [
-                    np.arange(self.parameters),
                     self.curve,
                     [self.late, self.walk],
                     self.steps,
@@ -461,16 +484,8 @@ class AngleProblem:
                 Block(
                     fixture.deviation_deg - fixed,
                     1.0 / fixture.sigma_deg**2,
-                    np.hstack(
-                        [
-                            fixture_slopes,
-                            self._fixture_wave(fixture),
-                            self._fixture_turned(fixture, e),
-                        ]
-                    ),
-                    np.concatenate(
-                        [np.arange(self.parameters), self.waves[trials:].ravel(), self.turned]
-                    ),
+                    np.hstack([self._fixture_wave(fixture), self._fixture_turned(fixture, e)]),
+                    np.concatenate([self.waves[trials:].ravel(), self.turned]),
                 )
             )
         if evidence.drift_deg.size:

@@ -10,7 +10,8 @@ maximum that EM (Laird and Ware 1982, doi:10.2307/2529876) creeps towards.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,6 +136,43 @@ def normal_equations(blocks: list[Block], size: int) -> Normal:
         log_noise += float(np.sum(np.log(2.0 * np.pi / block.weight)))
         rows += block.residual.size
     return Normal(matrix, vector, square, log_noise, rows)
+
+
+def bordered(
+    normal: Normal,
+    blocks: Sequence[Block],
+    columns: Sequence[Floats],
+    index: Sequence[Integers],
+    size: int,
+) -> Normal:
+    """Give the normal equations once the blocks have further columns.
+
+    Parameters
+    ----------
+    normal : Normal
+        Of the blocks as they are.
+    blocks : sequence of Block
+        All that it was added up from.
+    columns : sequence of (n, k) arrays
+        By block what it gets; k may be 0.
+    index : sequence of (k,) arrays
+        Where these stand among all columns. There `normal` has zeros, or nothing yet.
+    size : int
+        Number of all columns, at least that of `normal`.
+    """
+    known = normal.vector.size
+    matrix, vector = np.zeros((size, size)), np.zeros(size)
+    matrix[:known, :known], vector[:known] = normal.matrix, normal.vector
+    for block, more, at in zip(blocks, columns, index, strict=True):
+        if not at.size:
+            continue
+        weighted = more.T * block.weight
+        beside = weighted @ block.columns
+        matrix[np.ix_(at, block.index)] += beside
+        matrix[np.ix_(block.index, at)] += beside.T
+        matrix[np.ix_(at, at)] += weighted @ more
+        vector[at] += weighted @ block.residual
+    return replace(normal, matrix=matrix, vector=vector)
 
 
 def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> Solution:

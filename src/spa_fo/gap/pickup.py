@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,8 @@ from spa_fo.gap.explain import (
     ripple,
     wave,
 )
-from spa_fo.gap.mixed import Block, Prior, normal_equations, solve
+from spa_fo.gap.mixed import Prior, bordered, solve
+from spa_fo.gap.search import Point, linearised, point_at
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -120,14 +121,13 @@ def _fast(evidence: Evidence) -> tuple[float, list[Floats]]:
 
 def slow_line(problem: AngleProblem, z: Floats) -> Pickup:
     """Find the line below 3 Hz that explains most beside the problem's effects at `z`."""
-    blocks, angle_deg = problem.blocks(z)
-    prior = problem.prior(z)
+    point = linearised(problem, point_at(problem, z, problem.scales**2))
     tried, width = _slow_frequencies(problem.evidence)
-    found, amplitude = _best_of(problem, blocks, angle_deg, prior, tried)
+    found, amplitude = _best_of(problem, point, tried)
     for _ in range(4):  # a calibration takes longer than a trial, and tells neighbours apart
         around = found + width * np.linspace(-1.0, 1.0, 13)
         around = np.maximum(around, _SLOWEST_HZ)
-        found, amplitude = _best_of(problem, blocks, angle_deg, prior, around, _RIPPLED)
+        found, amplitude = _best_of(problem, point, around, _RIPPLED)
         width /= 6.0
     return Pickup(found, amplitude, 0.0, True, float(np.log(tried.size)))
 
@@ -190,55 +190,51 @@ def is_other_in_fixture(evidence: Evidence, fit: Fit) -> bool:
 
 
 def _best_of(
-    problem: AngleProblem,
-    blocks: list[Block],
-    angle_deg: Floats,
-    prior: Prior,
-    frequencies: Floats,
-    groups: tuple[int, ...] = _BARE,
+    problem: AngleProblem, point: Point, frequencies: Floats, groups: tuple[int, ...] = _BARE
 ) -> tuple[float, float]:
     """Add a wave of each frequency to the linearised problem; the most probable, its amplitude.
 
     With the wave alone (`_BARE`) the trials decide; with what goes with it, the calibrations too.
     """
-    evidence, rows, each = problem.evidence, problem.used_rows(), len(groups)
-    grid = evidence.grid
-    fixture = evidence.fixture if groups is _RIPPLED else None
-    logs = 0 if fixture is None else len(evidence.data.calibrations)
-    own = each * len(rows)
+    prior, trials, each = problem.prior(point.z), len(problem.used_rows()), len(groups)
+    in_calibrations = groups is _RIPPLED and problem.evidence.fixture is not None
+    logs = len(problem.evidence.data.calibrations) if in_calibrations else 0
+    own = each * trials
     size = problem.size + own + 2 * logs
-    in_logs = np.arange(size - 2 * logs, size)
     wider = Prior(
         np.concatenate([prior.mean, np.zeros(own + 2 * logs)]),
         np.concatenate([prior.variance, np.ones(own + 2 * logs)]),
-        np.concatenate([prior.group, np.tile(groups, len(rows)), np.full(2 * logs, PICKUP)]),
+        np.concatenate([prior.group, np.tile(groups, trials), np.full(2 * logs, PICKUP)]),
         prior.scale,
     )
+    in_trials = problem.size + np.arange(own).reshape(trials, each)
+    in_logs = np.arange(size - 2 * logs, size)
+    index = [np.concatenate([mine, in_logs[:2]]) for mine in in_trials]
+    index += [in_logs] * (len(point.blocks) - trials)
     solutions = []
-    for frequency in frequencies.tolist():
-        waved = list(blocks)
-        for i, used in enumerate(rows):
-            time = grid.time_s[used]
-            columns = np.hstack([wave(frequency, time), ripple(frequency, time)])[:, :each]
-            waved[i] = _with(blocks[i], columns, problem.size + each * i + np.arange(each))
-            if fixture is not None:
-                known = misread(frequency, fixture, angle_deg[used])
-                waved[i] = _with(waved[i], known, in_logs[:2])
-        if fixture is not None:
-            at = len(rows)
-            waved[at] = _with(blocks[at], fixture_wave(frequency, fixture, logs), in_logs)
-        if fixture is not None and evidence.drift_deg.size:
-            waved[-1] = _with(blocks[-1], drift_wave(frequency, fixture, evidence), in_logs)
-        solutions.append(solve(normal_equations(waved, size), wider, problem.scales**2, rounds=2))
+    for hz in frequencies.tolist():
+        columns = _waves(problem, point, hz, each, logs)
+        normal = bordered(point.normal, point.blocks, columns, index, size)
+        solutions.append(solve(normal, wider, problem.scales**2, rounds=2))
     best = int(np.argmax([solution.log_evidence for solution in solutions]))
     amplitude = float(np.sqrt(2.0 * solutions[best].variances[PICKUP]))
     return float(frequencies[best]), amplitude
 
 
-def _with(block: Block, columns: Floats, index: Integers) -> Block:
-    """Add columns to a block, which stand at `index` among all."""
-    return replace(
-        block,
-        columns=np.hstack([block.columns, columns]),
-        index=np.append(block.index, index),
-    )
+def _waves(problem: AngleProblem, point: Point, hz: float, each: int, logs: int) -> list[Floats]:
+    """By block, `each` columns of a wave, and what the calibrations' waves make of it."""
+    evidence, fixture = problem.evidence, problem.evidence.fixture
+    columns = []
+    for used in problem.used_rows():
+        time = evidence.grid.time_s[used]
+        mine = wave(hz, time) if each == 2 else np.hstack([wave(hz, time), ripple(hz, time)])
+        if logs and fixture is not None:
+            mine = np.hstack([mine, misread(hz, fixture, point.y[used])])
+        columns.append(mine)
+    if not logs or fixture is None:
+        rest = point.blocks[len(columns) :]
+        return columns + [np.zeros((block.residual.size, 0)) for block in rest]
+    columns.append(fixture_wave(hz, fixture, logs))
+    if evidence.drift_deg.size:
+        columns.append(drift_wave(hz, fixture, evidence))
+    return columns

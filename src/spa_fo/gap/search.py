@@ -12,7 +12,15 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.mixed import Block, Normal, Prior, Solution, normal_equations, solve
+from spa_fo.gap.mixed import (
+    Block,
+    Normal,
+    Prior,
+    Solution,
+    bordered,
+    normal_equations,
+    solve,
+)
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +50,10 @@ class Problem(Protocol):
     scales: Floats
 
     def blocks(self, z: Floats) -> tuple[list[Block], Floats]:
-        """Linearise at `z`; the prediction too."""
+        """Give what is left at `z`, and the nuisances' columns; the prediction too."""
+
+    def slopes(self, z: Floats) -> list[Floats]:
+        """By block, the parameters' columns at `z`."""
 
     def prior(self, z: Floats) -> Prior:
         """Prior of all columns, the parameters' as steps from `z`."""
@@ -62,9 +73,9 @@ class Point:
     y : array
         The prediction there.
     blocks : list of Block
-        Its linearisation.
+        What is left there, and the nuisances' columns; once it is `linearised` the parameters' too.
     normal : Normal
-        Their normal equations.
+        Their normal equations, those of missing columns being zeros.
     variances : (groups,) array
         Of the nuisances.
     log_posterior : float
@@ -90,7 +101,7 @@ def climb(problem: Problem, start: Floats, most_steps: int) -> tuple[Point, Solu
         At this point: coefficients of the nuisances, those of the parameters' steps being 0; the
         factor of all of them; and Laplace's evidence.
     """
-    best = point_at(problem, problem.inside(start), problem.scales**2)
+    best = linearised(problem, point_at(problem, problem.inside(start), problem.scales**2))
     damping = _DAMPING
     for _ in range(most_steps if problem.parameters else 0):
         new = problem.inside(best.z + _step(problem, best, damping))
@@ -99,7 +110,7 @@ def climb(problem: Problem, start: Floats, most_steps: int) -> tuple[Point, Solu
         tried = point_at(problem, new, best.variances)
         gained = tried.log_posterior - best.log_posterior
         if gained > 0.0:
-            best, damping = tried, damping / _FACTOR
+            best, damping = linearised(problem, tried), damping / _FACTOR
         else:
             damping = _FACTOR * max(damping, _DAMPING)
         if 0.0 < gained < _CONVERGED:
@@ -133,13 +144,29 @@ def _held(problem: Problem, z: Floats, normal: Normal, variances: Floats, rounds
 
 
 def point_at(problem: Problem, z: Floats, variances: Floats) -> Point:
-    """Linearise at `z` and integrate the nuisances out, their variances starting from these."""
+    """Integrate the nuisances out at `z`, their variances starting from these."""
     blocks, y = problem.blocks(z)
     normal = normal_equations(blocks, problem.size)
     held = _held(problem, z, normal, variances, rounds=_POINT_ROUNDS)
     away = problem.prior(z).mean[: problem.parameters] / problem.spread
     posterior = held.log_evidence - 0.5 * float(away @ away)
     return Point(z, y, blocks, normal, held.variances, posterior)
+
+
+def linearised(problem: Problem, point: Point) -> Point:
+    """Give a point the parameters' slopes: what most simulations go into, and few points need."""
+    slopes = problem.slopes(point.z)
+    first = np.arange(problem.parameters)
+    normal = bordered(point.normal, point.blocks, slopes, [first] * len(slopes), problem.size)
+    wider = [
+        replace(
+            block,
+            columns=np.hstack([own, block.columns]),
+            index=np.concatenate([first, block.index]),
+        )
+        for block, own in zip(point.blocks, slopes, strict=True)
+    ]
+    return replace(point, blocks=wider, normal=normal)
 
 
 def _step(problem: Problem, point: Point, damping: float) -> Floats:
