@@ -109,14 +109,35 @@ def test_logs_of_a_constant_command_set_no_limit_to_its_rate(tmp_path: Path) -> 
     assert limits.pressure_kpa == pytest.approx(30.0)
 
 
+def sampled(trial: list[int], time_s: list[float]) -> CampaignGrid:
+    """Give a grid that has nothing but averaged samples."""
+    grid = object.__new__(CampaignGrid)
+    vars(grid).update(sample_trial=np.array(trial), time_s=np.array(time_s))
+    return grid
+
+
 def test_a_trial_of_one_averaged_sample_has_no_slope() -> None:
-    grid = SimpleNamespace(
-        trials=[None] * 3,
-        sample_trial=np.array([0, 0, 0, 1, 2, 2]),
-        time_s=np.array([0.0, 1.0, 2.0, 0.1, 0.0, 0.5]),
-    )
-    slopes = CampaignGrid.slopes(grid, np.array([0.0, 2.0, 4.0, 7.0, 1.0, 0.0]))  # type: ignore[arg-type]
+    grid = sampled([0, 0, 0, 1, 2, 2], [0.0, 1.0, 2.0, 0.1, 0.0, 0.5])
+    slopes = grid.slopes(np.array([0.0, 2.0, 4.0, 7.0, 1.0, 0.0]))
     assert slopes == pytest.approx([2.0, 2.0, 2.0, 0.0, -2.0, -2.0])
+    assert sampled([0], [0.1]).slopes(np.array([3.0])) == pytest.approx([0.0])
+
+
+def test_slopes_are_those_of_each_trial_by_itself() -> None:
+    rng = np.random.default_rng(4)
+    trial, time_s, values = (
+        np.repeat(np.arange(5), 9),
+        rng.uniform(0.01, 0.4, 45),
+        rng.normal(size=45),
+    )
+    for first in range(0, 45, 9):
+        time_s[first : first + 9] = np.cumsum(time_s[first : first + 9])
+    slow = [
+        np.gradient(values[first : first + 9], time_s[first : first + 9])
+        for first in range(0, 45, 9)
+    ]
+    found = sampled(trial.tolist(), time_s.tolist()).slopes(values)
+    np.testing.assert_allclose(found, np.concatenate(slow), rtol=1e-10)
 
 
 def falling_curve() -> SimpleNamespace:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -254,6 +255,16 @@ class _Base:
     slopes: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class _Steady:
+    """A trial's rows and their weights, the columns that never change, and where all stand."""
+
+    rows: Integers
+    weight: Floats
+    columns: Floats
+    index: Integers
+
+
 def _same(one: Floats, other: Floats, slots: Integers) -> bool:
     return np.array_equal(one[slots], other[slots], equal_nan=True)
 
@@ -437,47 +448,21 @@ class AngleProblem:
         _, seat = base.in_fixture
         quick, _ = self.chain.seated(seat).run(paced(to_x(z), 1.0 + _PACE_STEP), e)
         pace = (quick - y) / _PACE_STEP
-        curve = curve_columns(y)
-        late = -grid.slopes(y)[:, None]
-        blocks = []
+        # A stop or a ceiling holds a trial's own gain back.
+        moving = np.column_stack(
+            [curve_columns(y), self._misread(y), -grid.slopes(y), gain, pace],
+        )
+        left = grid.angle_deg - y
+        blocks = [
+            Block(
+                left[trial.rows],
+                trial.weight,
+                np.hstack([moving[trial.rows], trial.columns]),
+                trial.index,
+            )
+            for trial in self._steady
+        ]
         trials = len(grid.trials)
-        for i, rows in enumerate(evidence.rows):
-            used = rows[self.keep[rows]]
-            if used.size == 0:
-                continue
-            local = self.keep[rows]
-            zero = np.zeros((used.size, 1 + self.steps.size))
-            zero[:, 0] = float(grid.trials[i].order - 1)
-            zero[:, 1 : i + 2] = 1.0
-            columns = np.hstack(
-                [
-                    curve[used],
-                    late[used],
-                    zero,
-                    gain[used, None],  # a stop or a ceiling holds it back
-                    np.ones((used.size, 1)),
-                    pace[used, None],
-                    self._wave(used),
-                    self._ripple(used),
-                    self._misread(y[used]),
-                    evidence.support[i][local],
-                ]
-            )
-            index = np.concatenate(
-                [
-                    self.curve,
-                    [self.late, self.walk],
-                    self.steps,
-                    self.own[i],
-                    self.waves[i : i + 1].ravel(),
-                    self.ripples[i : i + 1].ravel(),
-                    self.first_log,
-                    self.support[evidence.support_index[i]],
-                ]
-            )
-            blocks.append(
-                Block(grid.angle_deg[used] - y[used], 1.0 / self.row_variance[used], columns, index)
-            )
         fixture = evidence.fixture
         if fixture is not None:
             blocks.append(
@@ -491,6 +476,34 @@ class AngleProblem:
         if evidence.drift_deg.size:
             blocks.append(self._drift_block())
         return blocks, y
+
+    @cached_property
+    def _steady(self) -> list[_Steady]:
+        """By trial that takes part, what is the same wherever the search is."""
+        evidence, grid = self.evidence, self.evidence.grid
+        trials = []
+        for i, all_rows in enumerate(evidence.rows):
+            local = self.keep[all_rows]
+            rows = all_rows[local]
+            if rows.size == 0:
+                continue
+            zero = np.zeros((rows.size, 1 + self.steps.size))
+            zero[:, 0] = float(grid.trials[i].order - 1)
+            zero[:, 1 : i + 2] = 1.0
+            offset = np.ones((rows.size, 1))
+            support = evidence.support[i][local]
+            columns = np.hstack([zero, offset, self._wave(rows), self._ripple(rows), support])
+            gain_at, offset_at, pace_at = self.own[i]
+            moving = [self.curve, self.first_log, [self.late, gain_at, pace_at]]
+            steady = [
+                [self.walk, *self.steps, offset_at],
+                self.waves[i : i + 1].ravel(),
+                self.ripples[i : i + 1].ravel(),
+                self.support[evidence.support_index[i]],
+            ]
+            index = np.concatenate([*moving, *steady])
+            trials.append(_Steady(rows, 1.0 / self.row_variance[rows], columns, index))
+        return trials
 
     def _wave(self, rows: Integers) -> Floats:
         """Give the interference in a trial, its phase being the trial's own."""

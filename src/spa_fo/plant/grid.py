@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,12 +99,22 @@ class CampaignGrid:
 
     def slopes(self, values: Floats) -> Floats:
         """Slope over time of a signal at the averaged samples; 0 where a trial has but one."""
-        slope = np.zeros(values.size)
-        edges = np.searchsorted(self.sample_trial, np.arange(len(self.trials) + 1))
-        for first, end in pairwise(edges.tolist()):
-            if end - first > 1:
-                slope[first:end] = np.gradient(values[first:end], self.time_s[first:end])
-        return slope
+        inverse, before, after = self._differences
+        step = np.diff(values) * inverse
+        return np.asarray(before * np.append(0.0, step) + after * np.append(step, 0.0))
+
+    @cached_property
+    def _differences(self) -> tuple[Floats, Floats, Floats]:
+        """Inverse distances of samples, and the weights of the slopes to either neighbour.
+
+        A parabola through three samples; at either end of a trial a line through two.
+        """
+        inside = np.diff(self.sample_trial) == 0
+        distance = np.where(inside, np.diff(self.time_s), np.inf)
+        last, following = np.append(np.inf, distance), np.append(distance, np.inf)
+        alone = np.isinf(last) & np.isinf(following)
+        share = 1.0 / (1.0 + np.where(alone, 1.0, last) / following)
+        return 1.0 / distance, share, 1.0 - share
 
     def step_means(self, cells: Floats) -> Floats:
         """Average a signal given on cells over the steps; 0 in the rests."""
