@@ -50,6 +50,13 @@ def test_the_order_of_trials_does_not_matter(data: CampaignData, result: FitResu
     assert turned.optimum.rmse == pytest.approx(result.optimum.rmse, rel=1e-9)
 
 
+def test_a_fit_may_leave_out_how_certain_it_is(data: CampaignData, result: FitResult) -> None:
+    bare = fit_campaign(data, bootstrap=None)
+    assert bare.uncertainty is None
+    assert bare.model.transfer_function == result.model.transfer_function
+    assert "alpha2" in bare.report()
+
+
 def test_the_report_fits_on_a_screen_and_says_it_all(result: FitResult) -> None:
     text = result.report()
     lines = text.splitlines()

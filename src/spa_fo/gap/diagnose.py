@@ -300,7 +300,7 @@ def _is_own(data: CampaignData, plain: Model, seed: int) -> bool:
         return False
     signal = None if plain.signal == "command" else plain.signal
     try:
-        fitted = fit_campaign(data, seed=seed, signal=signal, bootstrap=0).model
+        fitted = fit_campaign(data, seed=seed, signal=signal, bootstrap=None).model
     except BadInput:
         return False
     t = np.linspace(0.05, 10.0, 60)

@@ -153,7 +153,7 @@ def fit_campaign(
     whole_logs: bool = False,
     signal: str | None = None,
     points: int = POINTS,
-    bootstrap: int = 400,
+    bootstrap: int | None = 400,
     bounds: Bounds | None = None,
 ) -> FitResult:
     """Identify a campaign's model: the optimum in free bounds (see `moderate`), or in given ones.
@@ -174,8 +174,9 @@ def fit_campaign(
         pressure, unless given.
     points : int
         Points taken of each step response.
-    bootstrap : int
-        Resamples of the trial bootstrap.
+    bootstrap : int or None
+        Resamples of the trial bootstrap; None says nothing of how certain a fit to steps is,
+        which takes most of its time.
     bounds : Bounds, optional
         Of the search; see `own_bounds`.
 
@@ -211,13 +212,13 @@ def _files(data: CampaignData) -> dict[tuple[str, int], Path]:
 
 
 def _fit_steps(
-    data: CampaignData, seed: int, points: int, bootstrap: int, bounds: Bounds | None
+    data: CampaignData, seed: int, points: int, bootstrap: int | None, bounds: Bounds | None
 ) -> FitResult:
     steps = campaign_steps(data, points)
     optimum = _optimum(lambda box: fit_optimum(steps, box, seed), bounds)
     response = np.outer(steps.u, step_map(steps.t).response(optimum.x))
     _refuse_no_gain(float(np.sum(response * steps.angle_rad)), data)
-    uncertainty = assess(steps, optimum, seed, bootstrap)
+    uncertainty = None if bootstrap is None else assess(steps, optimum, seed, bootstrap)
     return FitResult(
         model=_recorded(_model(data, optimum, "command"), data, uncertainty, None),
         fitted_on=ON_STEPS,

@@ -11,8 +11,6 @@ from spa_fo.identify import fit_campaign, predict_campaign
 from spa_fo.plant import Model, read_model
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 
-_FEWEST_RESAMPLES = 10  # of the fit's uncertainty, which is of no use here
-
 
 def campaign_data(folder: Path) -> CampaignData:
     """Read a campaign's trials."""
@@ -21,7 +19,7 @@ def campaign_data(folder: Path) -> CampaignData:
 
 def fitted_model(data: CampaignData, seed: int) -> Model:
     """Identify the plain model of a campaign."""
-    return fit_campaign(data, seed=seed, bootstrap=_FEWEST_RESAMPLES).model
+    return fit_campaign(data, seed=seed, bootstrap=None).model
 
 
 def rmse_deg(model: Model, data: CampaignData, source: Path | str = "model") -> float:
