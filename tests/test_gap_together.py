@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from spa_fo._jit import njit_parallel
+from spa_fo.errors import BadInput
 from spa_fo.gap.together import each
 
 
@@ -62,6 +63,10 @@ def beside(action):
         other.join()
 
 
+def threads_of(items: range, **options: bool) -> set[tuple[int, int]]:
+    return set(each(lambda _: (os.getpid(), threading.get_ident()), items, **options))
+
+
 def test_results_keep_the_order_of_the_items() -> None:
     squares = [item**2 for item in range(40)]
     assert each(lambda item: item**2, range(40)) == squares
@@ -71,8 +76,12 @@ def test_results_keep_the_order_of_the_items() -> None:
 
 def test_one_thread_is_the_callers_own(threads: int) -> None:
     numba.set_num_threads(1)
+    assert threads_of(range(5)) == {(os.getpid(), threading.get_ident())}
+
+
+def test_where_threads_may_not_the_caller_works_alone(two: None) -> None:
     here = (os.getpid(), threading.get_ident())
-    assert set(each(lambda _: (os.getpid(), threading.get_ident()), range(5))) == {here}
+    assert beside(lambda: threads_of(range(5), threads=False)) == {here}
 
 
 @forks
@@ -97,6 +106,20 @@ def test_an_error_reaches_the_caller() -> None:
         each(lambda item: 1 / item, [1, 0, 2])
     with pytest.raises(ZeroDivisionError):
         beside(lambda: each(lambda item: 1 / item, [1, 0, 2]))
+
+
+@forks
+def test_bad_input_is_the_same_line_and_other_errors_say_where(two: None) -> None:
+    def refused(item: int) -> None:
+        raise BadInput("./raw//log.csv", "expected more", "line 7")
+
+    with pytest.raises(BadInput) as bad:
+        each(refused, [1, 2])
+    assert str(bad.value) == "./raw//log.csv: line 7: expected more"
+    assert str(bad.value.path) == "raw/log.csv"
+    with pytest.raises(ZeroDivisionError) as wrong:
+        each(lambda item: 1 / item, [0, 0])
+    assert "lambda item: 1 / item" in wrong.value.__notes__[0]
 
 
 @forks

@@ -22,8 +22,13 @@ class BadInput(Exception):
     """
 
     def __init__(self, path: Path | str, expected: str, where: str = "") -> None:
+        self._given = path, expected, where
         self.path = Path(path)
         self.where = where
         self.expected = expected
         place = f"{path}: {where}" if where else f"{path}"
         super().__init__(" ".join(f"{place}: {expected}".split()))
+
+    def __reduce__(self) -> tuple[type[BadInput], tuple[Path | str, str, str]]:
+        """Say how another process makes the same."""
+        return type(self), self._given

@@ -1,4 +1,4 @@
-"""Independent fits side by side.
+"""Independent work side by side.
 
 Much of a fit is Python between short kernels, which threads of one process wait for: two of them
 took 22 s where one took 23 s, and two processes 14 s. So the work is done in copies of this
@@ -12,6 +12,7 @@ import multiprocessing
 import signal
 import sys
 import threading
+import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -25,7 +26,9 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def each(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+def each(
+    function: Callable[[Item], Result], items: Sequence[Item], *, threads: bool = True
+) -> list[Result]:
     """Call a function for every item, side by side on as many processors as Numba may use.
 
     Parameters
@@ -34,6 +37,8 @@ def each(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Resu
         Must not change what other calls read, nor run a kernel that is parallel in itself.
     items : sequence
         Its arguments.
+    threads : bool
+        Whether threads may do it where processes cannot; else it is done one by one.
 
     Returns
     -------
@@ -46,7 +51,7 @@ def each(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Resu
         A process ended before its work was done.
     """
     workers = min(numba.get_num_threads(), len(items))
-    if workers < 2:
+    if workers < 2 or not (threads or _can_fork()):
         return [function(item) for item in items]
     if _can_fork():
         return _in_processes(function, items, workers)
@@ -122,6 +127,7 @@ def _work(
             try:
                 result = function(items[index])
             except Exception as error:
+                error.add_note(traceback.format_exc())  # which does not travel with it
                 failed = error
             theirs.send((index, result, failed))
     except (EOFError, ConnectionError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from spa_fo.atomic import filling, write_text
 from spa_fo.gap.diagnose import write_files
 from spa_fo.gap.diagnosis import Cause, Diagnosis
+from spa_fo.gap.together import each
 from spa_fo.report.diagnosis_figures import (
     MOST_CAUSES,
     before_after_figure,
@@ -79,10 +81,13 @@ def write_report(diagnosis: Diagnosis, folder: Path | str) -> tuple[Path, ...]:
     draw = {"gap": gap_figure, "before_after": before_after_figure, "ladder": ladder_figure}
     if has_stages(diagnosis.traces):
         draw["stages"] = stages_figure
-    figures: list[Path] = []
     with filling(folder) as temporary:
-        for name, make in draw.items():
-            figures += save_figure(make(diagnosis), temporary / name, _provenance(diagnosis))
+
+        def drawn(name: str) -> tuple[Path, Path]:
+            return save_figure(draw[name](diagnosis), temporary / name, _provenance(diagnosis))
+
+        # Matplotlib's style is of the whole process: no threads.
+        figures = chain.from_iterable(each(drawn, list(draw), threads=False))
         write_text(temporary / PAGE, document(diagnosis, tuple(draw)))
         write_files(diagnosis, temporary)
     for name in _CAPTIONS.keys() - draw.keys():
