@@ -75,6 +75,29 @@ def test_columns_that_come_later_give_the_same_equations(places):
     )
 
 
+def test_a_column_that_no_row_has_changes_nothing_and_stays_at_its_prior():
+    blocks, dense, _, _ = problem(3)
+    size = dense.shape[1]
+    group = np.array([-1, -1] + [0] * (size - 2))
+    prior = Prior(np.linspace(-0.5, 0.5, size), np.full(size, 0.4), group, np.array([0.7]))
+    plain = solve(normal_equations(blocks, size), prior, np.array([0.3]), rounds=3)
+    wider = Prior(
+        np.append(prior.mean, [0.0, 0.2]),
+        np.append(prior.variance, [np.nan, 1.7]),
+        np.append(group, [0, -1]),
+        prior.scale,
+    )
+    found = solve(normal_equations(blocks, size + 2), wider, np.array([0.3]), rounds=3)
+    assert found.log_evidence == pytest.approx(plain.log_evidence, rel=1e-12)
+    np.testing.assert_allclose(found.variances, plain.variances, rtol=1e-12)
+    np.testing.assert_allclose(found.coefficients[:size], plain.coefficients, rtol=1e-12)
+    np.testing.assert_allclose(found.coefficients[size:], [0.0, 0.2])
+    covariance = found.covariance()
+    np.testing.assert_allclose(covariance[:size, :size], plain.covariance(), rtol=1e-10)
+    np.testing.assert_allclose(np.diag(covariance)[size:], [found.variances[0], 1.7])
+    assert not covariance[size:, :size].any()
+
+
 def test_variance_of_a_group_is_found():
     rng = np.random.default_rng(5)
     trials, rows, true = 60, 20, 1.5

@@ -372,9 +372,10 @@ class _Fitter:
         if host.log_evidence < plain.log_evidence + _WORTH_ADDING:
             host = plain
         line = slow_line(self.problem(host.ids, level), host.searched)
-        alone = self.problem(("mains_pickup",), level, line).fit(plain.searched)
         ids = ordered((*host.ids, "mains_pickup"))
-        beside = self.problem(ids, level, line).fit(host.searched) if host.ids else alone
+        starts = {ids: host.searched, ("mains_pickup",): plain.searched}
+        waved = each(lambda ids: self.problem(ids, level, line).fit(starts[ids]), list(starts))
+        beside, alone = waved[0], waved[-1]
         # A set that explains less than the wave does may be made up from it.
         judged = [beside, alone] if alone.log_evidence > host.log_evidence else [beside]
         if all(self._is_no_interference(fit, line.frequency_hz) for fit in judged):

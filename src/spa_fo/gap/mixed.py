@@ -96,8 +96,12 @@ class Solution:
     ----------
     coefficients : (q,) array
         Posterior means.
-    factor : (q, q) array
-        Cholesky factor of the posterior's precision, lower.
+    factor : (k, k) array
+        Cholesky factor, lower, of the posterior's precision of the columns that are seen.
+    seen : (q,) bool array
+        Which rows say anything of; of the others is known what was known beforehand.
+    spread : (q,) array
+        Prior variances.
     variances : (g,) array
         Of the groups.
     log_evidence : float
@@ -106,13 +110,17 @@ class Solution:
 
     coefficients: Floats
     factor: Floats
+    seen: NDArray[np.bool_]
+    spread: Floats
     variances: Floats
     log_evidence: float
 
     def covariance(self) -> Floats:
         """Posterior covariance, (q, q)."""
         inverse = np.tril(_inverse(self.factor))
-        return np.asarray(inverse + np.tril(inverse, -1).T)
+        covariance = np.diag(self.spread)
+        covariance[np.ix_(self.seen, self.seen)] = inverse + np.tril(inverse, -1).T
+        return covariance
 
 
 def _inverse(factor: Floats) -> Floats:
@@ -205,29 +213,32 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
         With the evidence at the last variances.
     """
     variances = variances.copy()
-    diagonal = np.arange(normal.vector.size)
-    grouped = prior.group >= 0
+    # Columns that no row has, such as those of a trial that takes no part, stay at their prior.
+    seen = np.diag(normal.matrix) > 0.0
+    matrix, vector = normal.matrix[np.ix_(seen, seen)], normal.vector[seen]
+    mean, group, known_spread = prior.mean[seen], prior.group[seen], prior.variance[seen]
+    diagonal = np.arange(vector.size)
+    grouped = group >= 0
     groups = prior.scale.size
-    sizes = np.bincount(prior.group[grouped], minlength=groups)
+    sizes = np.bincount(group[grouped], minlength=groups)
     for step in range(rounds + 1):
-        spread = prior.variance.copy()
-        spread[grouped] = variances[prior.group[grouped]]
-        a = normal.matrix.copy()
+        spread = known_spread.copy()
+        spread[grouped] = variances[group[grouped]]
+        a = matrix.copy()
         a[diagonal, diagonal] += 1.0 / spread
-        right = normal.vector + prior.mean / spread
         factor = cholesky(a, lower=True, overwrite_a=True, check_finite=False)
+        right = vector + mean / spread
         coefficients = cho_solve((factor, True), right, check_finite=False)
         if step == rounds:
             break
-        squares = np.bincount(prior.group[grouped], coefficients[grouped] ** 2, minlength=groups)
+        squares = np.bincount(group[grouped], coefficients[grouped] ** 2, minlength=groups)
         undecided = np.bincount(
-            prior.group[grouped], (_inverse_diagonal(factor) / spread)[grouped], minlength=groups
+            group[grouped], (_inverse_diagonal(factor) / spread)[grouped], minlength=groups
         )
         known = np.maximum(sizes - undecided, 0.0)
         variances = (squares + _PRIOR_STRENGTH * prior.scale**2) / (known + _PRIOR_STRENGTH + 2.0)
-    deviation = coefficients - prior.mean
-    fit = normal.square - 2.0 * coefficients @ normal.vector
-    fit += coefficients @ normal.matrix @ coefficients
+    deviation = coefficients - mean
+    fit = normal.square - 2.0 * coefficients @ vector + coefficients @ matrix @ coefficients
     log_determinant = 2.0 * float(np.sum(np.log(np.diag(factor)))) + float(np.sum(np.log(spread)))
     half = _PRIOR_STRENGTH / 2.0
     log_prior = np.sum(
@@ -237,4 +248,8 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
     evidence = -0.5 * (
         fit + deviation @ (deviation / spread) + log_determinant + normal.log_noise
     ) + float(log_prior)
-    return Solution(coefficients, np.asarray(factor), variances, float(evidence))
+    everywhere = prior.variance.copy()
+    everywhere[prior.group >= 0] = variances[prior.group[prior.group >= 0]]
+    all_coefficients = prior.mean.copy()
+    all_coefficients[seen] = coefficients
+    return Solution(all_coefficients, factor, seen, everywhere, variances, float(evidence))

@@ -23,6 +23,7 @@ from spa_fo.gap.explain import (
 )
 from spa_fo.gap.mixed import Prior, bordered, solve
 from spa_fo.gap.search import Point, linearised, point_at
+from spa_fo.gap.together import each
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -196,10 +197,11 @@ def _best_of(
 
     With the wave alone (`_BARE`) the trials decide; with what goes with it, the calibrations too.
     """
-    prior, trials, each = problem.prior(point.z), len(problem.used_rows()), len(groups)
+    prior, trials = problem.prior(point.z), len(problem.used_rows())
+    columns_each = len(groups)
     in_calibrations = groups is _RIPPLED and problem.evidence.fixture is not None
     logs = len(problem.evidence.data.calibrations) if in_calibrations else 0
-    own = each * trials
+    own = columns_each * trials
     size = problem.size + own + 2 * logs
     wider = Prior(
         np.concatenate([prior.mean, np.zeros(own + 2 * logs)]),
@@ -207,27 +209,29 @@ def _best_of(
         np.concatenate([prior.group, np.tile(groups, trials), np.full(2 * logs, PICKUP)]),
         prior.scale,
     )
-    in_trials = problem.size + np.arange(own).reshape(trials, each)
+    in_trials = problem.size + np.arange(own).reshape(trials, columns_each)
     in_logs = np.arange(size - 2 * logs, size)
     index = [np.concatenate([mine, in_logs[:2]]) for mine in in_trials]
     index += [in_logs] * (len(point.blocks) - trials)
-    solutions = []
-    for hz in frequencies.tolist():
-        columns = _waves(problem, point, hz, each, logs)
+
+    def weighed(hz: float) -> tuple[float, float]:
+        columns = _waves(problem, point, hz, columns_each, logs)
         normal = bordered(point.normal, point.blocks, columns, index, size)
-        solutions.append(solve(normal, wider, problem.scales**2, rounds=2))
-    best = int(np.argmax([solution.log_evidence for solution in solutions]))
-    amplitude = float(np.sqrt(2.0 * solutions[best].variances[PICKUP]))
-    return float(frequencies[best]), amplitude
+        solution = solve(normal, wider, problem.scales**2, rounds=2)
+        return solution.log_evidence, float(solution.variances[PICKUP])
+
+    answers = each(weighed, frequencies.tolist())
+    best = int(np.argmax([evidence for evidence, _ in answers]))
+    return float(frequencies[best]), float(np.sqrt(2.0 * answers[best][1]))
 
 
-def _waves(problem: AngleProblem, point: Point, hz: float, each: int, logs: int) -> list[Floats]:
-    """By block, `each` columns of a wave, and what the calibrations' waves make of it."""
+def _waves(problem: AngleProblem, point: Point, hz: float, count: int, logs: int) -> list[Floats]:
+    """By block, `count` columns of a wave, and what the calibrations' waves make of it."""
     evidence, fixture = problem.evidence, problem.evidence.fixture
     columns = []
     for used in problem.used_rows():
         time = evidence.grid.time_s[used]
-        mine = wave(hz, time) if each == 2 else np.hstack([wave(hz, time), ripple(hz, time)])
+        mine = wave(hz, time) if count == 2 else np.hstack([wave(hz, time), ripple(hz, time)])
         if logs and fixture is not None:
             mine = np.hstack([mine, misread(hz, fixture, point.y[used])])
         columns.append(mine)
