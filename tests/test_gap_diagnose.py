@@ -3,6 +3,7 @@
 import importlib
 import json
 
+import numba
 import pytest
 
 from spa_fo.gap import claim, diagnose_campaign
@@ -124,6 +125,16 @@ def test_intervals_hold_what_was_put_in(tmp_path, effect, key):
 def test_same_seed_same_answer(hysteresis):
     folder, document, _ = hysteresis
     assert run(folder, folder / "again") == document
+
+
+def test_any_number_of_processes_gives_the_same_answer(hysteresis):
+    folder, document, _ = hysteresis
+    usual = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        assert run(folder, folder / "alone") == document
+    finally:
+        numba.set_num_threads(usual)
 
 
 def test_without_hysteresis_in_the_library_it_is_never_named(hysteresis):

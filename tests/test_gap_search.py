@@ -26,7 +26,7 @@ class Decay:
         self.hats = np.array(
             [np.interp(TIME, np.linspace(0, 5, 8), row) for row in np.eye(8)]
         ).T  # fmt: skip
-        self.calls = 0
+        self.calls = self.slopes_taken = 0
 
     def predict(self, z):
         return z[0] * np.exp(-np.exp(z[1]) * TIME)
@@ -38,6 +38,7 @@ class Decay:
         return [Block(self.measured - y, weight, self.hats, np.arange(2, self.size))], y
 
     def slopes(self, z):
+        self.slopes_taken += 1
         y = self.predict(z)
         return [np.column_stack([y / z[0] if z[0] else y, -TIME * np.exp(z[1]) * y])]
 
@@ -84,3 +85,19 @@ def test_few_steps_are_few_looks():
     problem = Decay(measured())
     climb(problem, np.array([1.0, 0.0]), 3)
     assert problem.calls <= 4
+
+
+def test_slopes_are_taken_of_points_that_are_kept_alone():
+    problem, kept = Decay(measured(rate=8.0)), []
+    climb(problem, np.array([0.3, -3.0]), 40)
+    looked = problem.calls
+    assert problem.slopes_taken < looked  # some steps were refused
+
+    class Watched(Decay):
+        def slopes(self, z):
+            kept.append(point_at(self, z, self.scales**2).log_posterior)
+            return super().slopes(z)
+
+    climb(Watched(measured(rate=8.0)), np.array([0.3, -3.0]), 40)
+    assert len(kept) == problem.slopes_taken
+    assert kept[-1] == max(kept)

@@ -113,10 +113,16 @@ def test_bad_input_is_the_same_line_and_other_errors_say_where(two: None) -> Non
     def refused(item: int) -> None:
         raise BadInput("./raw//log.csv", "expected more", "line 7")
 
+    def short_of(item: int) -> None:
+        raise EOFError("the file is short")
+
     with pytest.raises(BadInput) as bad:
         each(refused, [1, 2])
     assert str(bad.value) == "./raw//log.csv: line 7: expected more"
     assert str(bad.value.path) == "raw/log.csv"
+    # An error of the work itself is not mistaken for one of the connection.
+    with pytest.raises(EOFError, match="the file"):
+        each(short_of, [1, 2])
     with pytest.raises(ZeroDivisionError) as wrong:
         each(lambda item: 1 / item, [0, 0])
     assert "lambda item: 1 / item" in wrong.value.__notes__[0]
@@ -140,7 +146,7 @@ def test_a_process_that_is_killed_is_told_of(two: None) -> None:
     def killed(item: int) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
-    with pytest.raises(RuntimeError, match="ended from outside"):
+    with pytest.raises(RuntimeError, match="ended before it was done"):
         each(killed, [1, 2])
     assert not active_children()
 

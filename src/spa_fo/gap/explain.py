@@ -449,9 +449,7 @@ class AngleProblem:
         quick, _ = self.chain.seated(seat).run(paced(to_x(z), 1.0 + _PACE_STEP), e)
         pace = (quick - y) / _PACE_STEP
         # A stop or a ceiling holds a trial's own gain back.
-        moving = np.column_stack(
-            [curve_columns(y), self._misread(y), -grid.slopes(y), gain, pace],
-        )
+        moving = np.column_stack([curve_columns(y), self._misread(y), -grid.slopes(y), gain, pace])
         left = grid.angle_deg - y
         blocks = [
             Block(

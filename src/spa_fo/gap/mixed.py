@@ -214,7 +214,7 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
     """
     variances = variances.copy()
     # Columns that no row has, such as those of a trial that takes no part, stay at their prior.
-    seen = np.diag(normal.matrix) > 0.0
+    seen = np.diag(normal.matrix) != 0.0  # what is no number is seen, and refused below
     matrix, vector = normal.matrix[np.ix_(seen, seen)], normal.vector[seen]
     mean, group, known_spread = prior.mean[seen], prior.group[seen], prior.variance[seen]
     diagonal = np.arange(vector.size)

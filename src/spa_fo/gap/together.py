@@ -18,12 +18,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numba
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+_ENDED = "a process that worked for this one ended before it was done"
 
 
 def each(
@@ -51,12 +53,12 @@ def each(
         A process ended before its work was done.
     """
     workers = min(numba.get_num_threads(), len(items))
-    if workers < 2 or not (threads or _can_fork()):
-        return [function(item) for item in items]
-    if _can_fork():
+    if workers > 1 and _can_fork():
         return _in_processes(function, items, workers)
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(function, items))
+    if workers > 1 and threads:
+        with ThreadPoolExecutor(workers) as pool:
+            return list(pool.map(function, items))
+    return [function(item) for item in items]
 
 
 def _can_fork() -> bool:
@@ -74,20 +76,18 @@ def _in_processes(
     busy = [link for _, link in staff]
     try:
         for link in busy:
-            link.send(next(todo))
+            _send(link, next(todo))
         while busy:
             ready = wait(busy)
             for link in [link for link in busy if link in ready]:
-                index, result, failed = link.recv()
+                index, result, failed = _receive(link)
                 if failed is not None:
                     raise failed
                 results[index] = result
                 following = next(todo, None)
-                link.send(following)
+                _send(link, following)
                 if following is None:
                     busy.remove(link)
-    except (EOFError, ConnectionError):
-        raise RuntimeError("a process of the fits was ended from outside") from None
     finally:
         for process, link in staff:
             if link in busy:
@@ -95,6 +95,20 @@ def _in_processes(
             process.join()
             link.close()
     return [results[index] for index in range(len(items))]
+
+
+def _send(link: Connection, index: int | None) -> None:
+    try:
+        link.send(index)
+    except ConnectionError:
+        raise RuntimeError(_ENDED) from None
+
+
+def _receive(link: Connection) -> Any:
+    try:
+        return link.recv()
+    except (EOFError, ConnectionError):
+        raise RuntimeError(_ENDED) from None
 
 
 def _hire(
