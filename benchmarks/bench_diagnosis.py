@@ -120,14 +120,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--repeats", type=int, default=50, help="of the simulator, which is short")
+    parser.add_argument("--diagnoses", type=int, default=1, help="of each campaign")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     np.seterr(all="raise", under="ignore")
     text = (
         f"{platform.machine()}, Python {platform.python_version()}\n\n### Simulator\n\n"
         f"{simulator(read_trials(read_campaign(RAW / 'dragon_skin_20')), given.repeats)}\n\n"
-        f"### Diagnosis\n\n{diagnosis(min(given.repeats, 2))}\n"
+        f"### Diagnosis\n\n{diagnosis(given.diagnoses)}\n"
     )
     print(text)
     if given.out:
