@@ -48,7 +48,7 @@ reproduce: $(INSTALLED)
 
 blind: $(INSTALLED)
 	$(BIN)/snakemake --cores $(CORES) blind
-	$(BIN)/python -m spa_fo.report.blind_document results/blind docs \
+	$(BIN)/python -m blind.report.document results/blind docs \
 	  --command "snakemake --cores $(CORES) blind"
 
 report: reproduce

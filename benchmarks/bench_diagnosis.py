@@ -21,6 +21,7 @@ import numba
 import numpy as np
 from tabulate import tabulate
 
+from blind.first_rig.build import Case, build, model_document
 from spa_fo.atomic import write_text
 from spa_fo.gap import diagnose
 from spa_fo.gap.evidence import angle_chain, collect
@@ -29,7 +30,6 @@ from spa_fo.plant import Model, read_model
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.virtual_rig.actuators import PLANS
-from spa_fo.virtual_rig.blind_build import Case, build, model_document
 from spa_fo.virtual_rig.campaign_writer import write_campaign
 
 RAW = Path(__file__).parents[1] / "raw"

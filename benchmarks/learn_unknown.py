@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from blind.equivalents import equivalents
+from blind.judge.realised import campaign_data, fitted_model
+from blind.judge.records import Truth, read_truth
 from spa_fo.atomic import write_text
-from spa_fo.gap.blind.realised import campaign_data, fitted_model
-from spa_fo.gap.blind.records import Truth, read_truth
 from spa_fo.gap.diagnose import examine
 from spa_fo.gap.unknown import signs
 from spa_fo.plant import read_model
-from spa_fo.virtual_rig.equivalents import equivalents
 
 Floats = NDArray[np.float64]
 Label = Mapping[str, Any]

@@ -10,13 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from spa_fo.errors import BadInput
-from spa_fo.plant.model_file import read_model
-from spa_fo.rig.campaign import read_campaign
-from spa_fo.rig.trials import read_trials
-from spa_fo.virtual_rig.alien_effects import ALIENS
-from spa_fo.virtual_rig.blind_build import BuiltCase, Case, plan_campaign, plan_continuation
-from spa_fo.virtual_rig.blind_cases import (
+from blind.cases import (
     build,
     build_continuation,
     check_seals,
@@ -27,10 +21,16 @@ from spa_fo.virtual_rig.blind_cases import (
     seal,
     write_cases,
 )
+from blind.equivalents import CONFOUNDED, REASONS, confounded, equivalents
+from blind.first_rig.build import BuiltCase, Case, plan_campaign, plan_continuation
+from blind.first_rig.doses import FORMS
+from blind.first_rig.foreign_effects import ALIENS
+from blind.first_rig.sizing import Scale, exact_reading, noise_floor_deg, rms, solve
+from spa_fo.errors import BadInput
+from spa_fo.plant.model_file import read_model
+from spa_fo.rig.campaign import read_campaign
+from spa_fo.rig.trials import read_trials
 from spa_fo.virtual_rig.campaign_writer import campaign_files, write_folder
-from spa_fo.virtual_rig.doses import FORMS
-from spa_fo.virtual_rig.equivalents import CONFOUNDED, REASONS, confounded, equivalents
-from spa_fo.virtual_rig.sizing import Scale, exact_reading, noise_floor_deg, rms, solve
 
 CASE = Case("case_0001", 11, "closed", ("creep",), "a", (4.0,))
 

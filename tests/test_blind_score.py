@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spa_fo.errors import BadInput
-from spa_fo.gap.blind import (
+from blind.judge import (
     Answer,
     Claim,
     Outcome,
@@ -27,7 +26,7 @@ from spa_fo.gap.blind import (
     read_truth,
     score,
 )
-from spa_fo.gap.blind.questions import (
+from blind.judge.questions import (
     MEASURES,
     fair_or_unknown,
     found,
@@ -38,11 +37,12 @@ from spa_fo.gap.blind.questions import (
     shrink_points,
     wrong_name,
 )
-from spa_fo.gap.blind.score import confusion, smallest_size
-from spa_fo.gap.blind.statistics import calibration, mean, rate
-from spa_fo.gap.blind.targets import TARGETS, marks
+from blind.judge.score import confusion, smallest_size
+from blind.judge.statistics import calibration, mean, rate
+from blind.judge.targets import TARGETS, marks
+from blind.unseal import fingerprint, unseal
+from spa_fo.errors import BadInput
 from spa_fo.plant.effects.library import LIBRARY
-from spa_fo.virtual_rig.unseal import fingerprint, unseal
 
 
 def ids(*names: str) -> frozenset[str]:

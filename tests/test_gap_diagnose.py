@@ -6,9 +6,9 @@ import json
 import numba
 import pytest
 
+from blind.first_rig.build import Case, build, model_document
 from spa_fo.gap import claim, diagnose_campaign
 from spa_fo.plant.effects.library import IDS
-from spa_fo.virtual_rig.blind_build import Case, build, model_document
 
 
 def written(folder, case):

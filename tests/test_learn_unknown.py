@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import expit, logit
 
-from spa_fo.gap.blind.records import Truth
+from blind.judge.records import Truth
 from spa_fo.gap.unknown import WEIGHTS, Weights
 
 ROOT = Path(__file__).resolve().parent.parent

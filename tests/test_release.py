@@ -63,9 +63,10 @@ def test_the_wheel_holds_every_file_of_the_package_and_the_licence(built: Path) 
     with zipfile.ZipFile(built / f"spa_fo-{VERSION}-py3-none-any.whl") as wheel:
         names = set(wheel.namelist())
         metadata = wheel.read(f"spa_fo-{VERSION}.dist-info/METADATA").decode()
-    sources = {path for path in (ROOT / "src").rglob("*") if path.is_file()}
+    sources = {path for path in (ROOT / "src" / "spa_fo").rglob("*") if path.is_file()}
     written = {path.relative_to(ROOT / "src").as_posix() for path in sources}
     assert {name for name in written if "__pycache__" not in name} - names == set()
+    assert not {name for name in names if name.startswith("blind/")}
     assert {"spa_fo/report/spa_fo.mplstyle", "spa_fo/rig/campaign.schema.yaml"} <= names
     assert f"spa_fo-{VERSION}.dist-info/licenses/LICENSE" in names
     assert f"\nVersion: {VERSION}\n" in metadata

@@ -10,11 +10,11 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from blind.judge import Answer, Claim, Outcome, Realised, Truth, score
+from blind.report.document import Origin, document, main
+from blind.report.history import Mark, read_history, table, with_run, written
+from blind.report.tables import publish, tables
 from spa_fo.errors import BadInput
-from spa_fo.gap.blind import Answer, Claim, Outcome, Realised, Truth, score
-from spa_fo.report.blind import publish, tables
-from spa_fo.report.blind_document import Origin, document, main
-from spa_fo.report.blind_history import Mark, read_history, table, with_run, written
 
 ORIGIN = Origin("0123abcd", "snakemake --cores 2 blind")
 

@@ -29,6 +29,12 @@ def test_data_files_beside_a_module_count(tmp_path: Path) -> None:
     assert PACKAGE / "gap" / "unknown_weights.json" in learned
 
 
+def test_the_benchmark_beside_the_package_counts(tmp_path: Path) -> None:
+    files = imported_files(script(tmp_path, "from blind.unseal import unseal\n"))
+    assert PACKAGE.parent / "blind" / "unseal.py" in files
+    assert PACKAGE / "errors.py" in files
+
+
 def test_the_hash_changes_with_the_script(tmp_path: Path) -> None:
     first = code_hash(script(tmp_path, "import math\n"))
     assert first == code_hash(script(tmp_path, "import math\n"))

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from blind.first_rig import foreign_effects as alien
+from blind.first_rig.doses import FORMS, draw_dose
 from spa_fo.virtual_rig import actuator as act
-from spa_fo.virtual_rig import alien_effects as alien
 from spa_fo.virtual_rig import flex_sensor as flex
 from spa_fo.virtual_rig import second_forms as second
 from spa_fo.virtual_rig import second_moments as moments
 from spa_fo.virtual_rig.actuators import DRAGON_SKIN_20_CORE as CORE
 from spa_fo.virtual_rig.actuators import REFERENCE_KPA
 from spa_fo.virtual_rig.bench import Bench, Specimen
-from spa_fo.virtual_rig.doses import FORMS, draw_dose
 from spa_fo.virtual_rig.syringe_pump import SyringePump
 
 STEP_S = 1e-3

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-_PACKAGE = Path(__file__).parent
+_SOURCES = Path(__file__).parents[1]
+_PACKAGES = ("spa_fo", "blind")  # the second stands beside the first in the project's sources
 _DATA = ("json", "mplstyle", "yaml")  # files beside modules that change what they do
-_NAME = _PACKAGE.name
 
 
 def code_hash(script: Path | str) -> str:
@@ -38,7 +38,7 @@ def code_hash(script: Path | str) -> str:
 
 
 def imported_files(script: Path | str) -> set[Path]:
-    """Files of this package that `script` imports, directly or not, with their data files."""
+    """Files of the project that `script` imports, directly or not, with their data files."""
     found: set[Path] = set()
     waiting = [Path(script)]
     while waiting:
@@ -53,7 +53,7 @@ def imported_files(script: Path | str) -> set[Path]:
 # Many scripts import the same modules, and every job of the workflow reads all scripts.
 @cache
 def _imported_modules(source: bytes) -> tuple[str, ...]:
-    """Dotted names of the package's modules that a source may import."""
+    """Dotted names of the project's modules that a source may import."""
     found: list[str] = []
     for node in _run(ast.parse(source)):
         if isinstance(node, ast.Import):
@@ -63,7 +63,7 @@ def _imported_modules(source: bytes) -> tuple[str, ...]:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         else:
             continue
-        found += [name for name in names if name.split(".")[0] == _NAME]
+        found += [name for name in names if name.split(".")[0] in _PACKAGES]
     return tuple(found)
 
 
@@ -82,8 +82,8 @@ def _run(node: ast.AST) -> Iterator[ast.AST]:
 def _files_of(module: str) -> frozenset[Path]:
     """Source and data files of a dotted module name and of the packages above it."""
     files: set[Path] = set()
-    place = _PACKAGE
-    for part in ["", *module.split(".")[1:]]:
+    place = _SOURCES
+    for part in module.split("."):
         place = place / part
         if place.is_dir():
             files.add(place / "__init__.py")

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from blind.cases import plan_cases, write_cases
 from spa_fo.edge import workflow_step
 from spa_fo.errors import BadInput
-from spa_fo.virtual_rig.blind_cases import plan_cases, write_cases
 
 with workflow_step(snakemake.log[0], snakemake.threads):
     plan = dict(snakemake.params.plan)

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
+from blind.judge.realised import campaign_data, fitted_model
+from blind.unseal import fingerprint
 from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
 from spa_fo.gap import diagnose_campaign
-from spa_fo.gap.blind.realised import campaign_data, fitted_model
 from spa_fo.plant import write_model
-from spa_fo.virtual_rig.unseal import fingerprint
 
 
 def judged_model(case, out):

@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
+from blind.report.tables import publish
 from spa_fo.edge import workflow_step
-from spa_fo.report.blind import publish
 
 with workflow_step(snakemake.log[0], snakemake.threads):
     scores = json.loads(Path(snakemake.input[0]).read_text(encoding="utf-8"))

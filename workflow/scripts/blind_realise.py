@@ -5,10 +5,10 @@ import logging
 from dataclasses import asdict
 from pathlib import Path
 
+from blind.judge.realised import realise
 from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
 from spa_fo.errors import BadInput
-from spa_fo.gap.blind.realised import realise
 
 
 def judged_model(case, out):

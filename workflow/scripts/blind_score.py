@@ -3,9 +3,7 @@
 import json
 from pathlib import Path
 
-from spa_fo.atomic import write_text
-from spa_fo.edge import workflow_step
-from spa_fo.gap.blind import (
+from blind.judge import (
     Outcome,
     read_answer,
     read_baselines,
@@ -13,6 +11,8 @@ from spa_fo.gap.blind import (
     read_truth,
     score,
 )
+from spa_fo.atomic import write_text
+from spa_fo.edge import workflow_step
 
 
 def load(path):

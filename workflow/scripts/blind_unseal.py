@@ -3,9 +3,9 @@
 import json
 from pathlib import Path
 
+from blind.unseal import unseal
 from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
-from spa_fo.virtual_rig.unseal import unseal
 
 with workflow_step(snakemake.log[0], snakemake.threads):
     labels = unseal(

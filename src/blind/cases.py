@@ -1,4 +1,4 @@
-"""Write cases of the blind benchmark: ``python -m spa_fo.virtual_rig.blind_cases --help``."""
+"""Write cases of the blind benchmark: ``python -m blind.cases --help``."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from spa_fo.errors import BadInput
-from spa_fo.virtual_rig.blind_build import (
+from blind.first_rig.build import (
     KINDS,
     MODELS,
     PROTOCOLS,
@@ -16,9 +15,10 @@ from spa_fo.virtual_rig.blind_build import (
     build_continuation,
     model_document,
 )
-from spa_fo.virtual_rig.blind_plan import plan_cases, read_plan
-from spa_fo.virtual_rig.blind_writer import check_seals, label_bytes, seal, write_cases
-from spa_fo.virtual_rig.doses import FORMS
+from blind.first_rig.doses import FORMS
+from blind.plan import plan_cases, read_plan
+from blind.writer import check_seals, label_bytes, seal, write_cases
+from spa_fo.errors import BadInput
 
 __all__ = [
     "Case",
@@ -36,12 +36,12 @@ __all__ = [
 
 _EXAMPLE = """\
 example:
-  python -m spa_fo.virtual_rig.blind_cases --out /tmp/blind --seed 1 --effect creep --size 4
+  python -m blind.cases --out /tmp/blind --seed 1 --effect creep --size 4
 
 writes /tmp/blind/case_0001/ (campaign, later, model.json, exclude.txt), its sealed label to
 /tmp/blind/labels/case_0001.json and the seal to /tmp/blind/seals.txt.
 
-  python -m spa_fo.virtual_rig.blind_cases --out /tmp/blind --plan plan.yaml --workers 2
+  python -m blind.cases --out /tmp/blind --plan plan.yaml --workers 2
 
 writes every case of a plan:
 
@@ -78,7 +78,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m spa_fo.virtual_rig.blind_cases",
+        prog="python -m blind.cases",
         description="Record campaigns whose cause of the gap is known, and seal it.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,

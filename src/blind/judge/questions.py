@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from spa_fo.gap.blind.records import NONE, UNKNOWN, Answer, Outcome, Truth
-from spa_fo.gap.blind.statistics import Calibration, Estimate, calibration, mean, rate
+from blind.judge.records import NONE, UNKNOWN, Answer, Outcome, Truth
+from blind.judge.statistics import Calibration, Estimate, calibration, mean, rate
 
 SHRINK_TOLERANCE = 0.10
 CLEAR = 2.5

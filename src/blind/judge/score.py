@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from spa_fo.gap.blind.questions import (
+from blind.judge.questions import (
     CLEAR,
     MEASURES,
     Question,
@@ -21,9 +21,9 @@ from spa_fo.gap.blind.questions import (
     right_first,
     shrink_points,
 )
-from spa_fo.gap.blind.records import KINDS, VERDICTS, Answer, Ids, Outcome, Truth
-from spa_fo.gap.blind.statistics import Calibration, Estimate
-from spa_fo.gap.blind.targets import (
+from blind.judge.records import KINDS, VERDICTS, Answer, Ids, Outcome, Truth
+from blind.judge.statistics import Calibration, Estimate
+from blind.judge.targets import (
     LARGE,
     Group,
     Mark,

@@ -16,6 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from blind.equivalents import equivalents
+from blind.first_rig.doses import FORMS, Dose, draw_dose
+from blind.first_rig.foreign_effects import ALIENS
+from blind.first_rig.sizing import Scale, Sized
 from spa_fo.virtual_rig.actuator import FractionalCore, ParameterShift, SoftActuator
 from spa_fo.virtual_rig.actuators import (
     DRAGON_SKIN_20_CORE,
@@ -25,11 +29,8 @@ from spa_fo.virtual_rig.actuators import (
     Experiment,
     pressure_for,
 )
-from spa_fo.virtual_rig.alien_effects import ALIENS
 from spa_fo.virtual_rig.bench import Scatter, Specimen
 from spa_fo.virtual_rig.campaign_writer import continued_files, schedule
-from spa_fo.virtual_rig.doses import FORMS, Dose, draw_dose
-from spa_fo.virtual_rig.equivalents import equivalents
 from spa_fo.virtual_rig.protocols import (
     hold,
     plateaus,
@@ -38,7 +39,6 @@ from spa_fo.virtual_rig.protocols import (
     step_release,
     triangle,
 )
-from spa_fo.virtual_rig.sizing import Scale, Sized
 from spa_fo.virtual_rig.syringe_pump import SyringePump
 from spa_fo.virtual_rig.wire import Damage
 

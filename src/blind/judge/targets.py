@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from spa_fo.gap.blind.questions import MEASURES
-from spa_fo.gap.blind.records import BASELINES, Outcome, Truth
-from spa_fo.gap.blind.statistics import Estimate
+from blind.judge.questions import MEASURES
+from blind.judge.records import BASELINES, Outcome, Truth
+from blind.judge.statistics import Estimate
 
 LARGE = 4.0
 """Multiples of the noise floor from which on an effect should be named."""

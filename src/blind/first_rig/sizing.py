@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from blind.first_rig.doses import Dose
 from spa_fo.virtual_rig.actuator import FractionalCore, ParameterShift
 from spa_fo.virtual_rig.actuators import CampaignPlan
 from spa_fo.virtual_rig.arrays import Array
@@ -23,7 +24,6 @@ from spa_fo.virtual_rig.campaign_writer import (
     schedule,
     stream,
 )
-from spa_fo.virtual_rig.doses import Dose
 
 LARGEST_ANGLE_DEG = 85.0  # the fixture ends at 90°
 _STEPS_PER_SECOND = 200.0

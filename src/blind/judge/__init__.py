@@ -1,6 +1,6 @@
 """The judge of the blind benchmark: truths, answers, and what they are worth."""
 
-from spa_fo.gap.blind.records import (
+from blind.judge.records import (
     Answer,
     Claim,
     Outcome,
@@ -11,7 +11,7 @@ from spa_fo.gap.blind.records import (
     read_realised,
     read_truth,
 )
-from spa_fo.gap.blind.score import Scores, score
+from blind.judge.score import Scores, score
 
 __all__ = [
     "Answer",

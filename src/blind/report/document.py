@@ -1,4 +1,4 @@
-"""The page about the blind benchmark: ``python -m spa_fo.report.blind_document --help``.
+"""The page about the blind benchmark: ``python -m blind.report.document --help``.
 
 Every number on it comes from scores.json.
 """
@@ -16,11 +16,11 @@ from typing import Any
 
 import yaml
 
+from blind.report.history import Mark, marks_of, read_history, table, with_run, written
+from blind.report.tables import KIND_NAMES, PROTOCOL_NAMES, goal
 from spa_fo.atomic import replacing, write_text
 from spa_fo.edge import bad_input_exits
 from spa_fo.errors import BadInput
-from spa_fo.report.blind import KIND_NAMES, PROTOCOL_NAMES, goal
-from spa_fo.report.blind_history import Mark, marks_of, read_history, table, with_run, written
 
 _COPIED = ("*.csv", "*.png", "table.md", "scores.json", "seals.txt")
 _FIGURES = {
@@ -239,7 +239,7 @@ def _equivalents(equivalents: Mapping[str, Sequence[str]]) -> str:
     ]
     return (
         "Recorded with the sealed labels, before any diagnosis; the reasons stand in "
-        "`virtual_rig/equivalents.py` and `virtual_rig/alien_effects.py`. For every effect that is "
+        "`blind/equivalents.py` and in each rig. For every effect that is "
         "not listed only `unknown` is right; the column *unknown* of the table by kind counts "
         "that alone.\n\n" + "\n".join(lines)
     )
@@ -269,7 +269,7 @@ def _ends(estimate: Mapping[str, Any]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Copy the results beside the documents and write the page; returns the exit code."""
     parser = argparse.ArgumentParser(
-        prog="python -m spa_fo.report.blind_document",
+        prog="python -m blind.report.document",
         description="Copy the results of the blind benchmark into the documents, with their page.",
     )
     parser.add_argument("results", type=Path, help="folder with scores.json, tables and figures")

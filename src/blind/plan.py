@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import yaml
 
+from blind.equivalents import confounded
+from blind.first_rig.build import PROTOCOLS, Case
+from blind.first_rig.doses import FORMS
+from blind.first_rig.foreign_effects import ALIENS
 from spa_fo.errors import BadInput
-from spa_fo.virtual_rig.alien_effects import ALIENS
-from spa_fo.virtual_rig.blind_build import PROTOCOLS, Case
-from spa_fo.virtual_rig.doses import FORMS
-from spa_fo.virtual_rig.equivalents import confounded
 
 _PAIR_SIZES = (2.0, 8.0)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spa_fo.gap.blind.records import Realised
+from blind.judge.records import Realised
 from spa_fo.identify import fit_campaign, predict_campaign
 from spa_fo.plant import Model, read_model
 from spa_fo.rig import CampaignData, read_campaign, read_trials

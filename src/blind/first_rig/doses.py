@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from blind.first_rig.foreign_effects import ALIENS, place
 from spa_fo.virtual_rig import actuator as act
 from spa_fo.virtual_rig import converter as conv
 from spa_fo.virtual_rig import flex_sensor as flex
 from spa_fo.virtual_rig import second_forms as second
 from spa_fo.virtual_rig import second_moments as moments
 from spa_fo.virtual_rig import syringe_pump as pump
-from spa_fo.virtual_rig.alien_effects import ALIENS, place
 from spa_fo.virtual_rig.arrays import Array
 from spa_fo.virtual_rig.bench import Specimen
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import pandas as pd
 
-from spa_fo.atomic import write_text
-from spa_fo.report.blind_figures import (
+from blind.report.figures import (
     calibration_figure,
     confusion_figure,
     shrink_figure,
     size_figure,
 )
+from spa_fo.atomic import write_text
 from spa_fo.report.style import save_figure
 from spa_fo.report.tables import Table, write_table
 

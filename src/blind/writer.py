@@ -17,9 +17,9 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from blind.first_rig.build import BuiltCase, Case, draw_salt, model_document
 from spa_fo.atomic import write_bytes, write_text
 from spa_fo.errors import BadInput
-from spa_fo.virtual_rig.blind_build import BuiltCase, Case, draw_salt, model_document
 from spa_fo.virtual_rig.campaign_writer import write_folder
 
 

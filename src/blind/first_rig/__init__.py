@@ -1,0 +1,1 @@
+"""The virtual rig as a rig of the blind benchmark."""
