@@ -6,53 +6,34 @@ import argparse
 import sys
 from pathlib import Path
 
-from blind.first_rig.build import (
-    KINDS,
-    MODELS,
-    PROTOCOLS,
-    Case,
-    build,
-    build_continuation,
-    model_document,
-)
-from blind.first_rig.doses import FORMS
-from blind.plan import plan_cases, read_plan
-from blind.writer import check_seals, label_bytes, seal, write_cases
-from spa_fo.errors import BadInput
+import numpy as np
+import yaml
 
-__all__ = [
-    "Case",
-    "build",
-    "build_continuation",
-    "check_seals",
-    "label_bytes",
-    "main",
-    "model_document",
-    "plan_cases",
-    "read_plan",
-    "seal",
-    "write_cases",
-]
+from blind.plan import KINDS, SCHEMA, Case, plan_cases
+from blind.rigs import RIGS, rig_named
+from blind.surroundings import PROTOCOL_NAMES, draw_model, draw_protocol, draw_surroundings
+from blind.writer import write_cases
+from spa_fo.errors import BadInput
 
 _EXAMPLE = """\
 example:
-  python -m blind.cases --out /tmp/blind --seed 1 --effect creep --size 4
+  python -m blind.cases --out /tmp/blind --rig virtual_rig --seed 1 --effect creep --size 4
 
-writes /tmp/blind/case_0001/ (campaign, later, model.json, exclude.txt), its sealed label to
-/tmp/blind/labels/case_0001.json and the seal to /tmp/blind/seals.txt.
+writes /tmp/blind/case_0001/ (campaign, later, exclude.txt, and earlier or model.json), its sealed
+label to /tmp/blind/labels/case_0001.json and the seal to /tmp/blind/seals.txt.
 
-  python -m blind.cases --out /tmp/blind --plan plan.yaml --workers 2
+  python -m blind.cases --out /tmp/blind --plan plan.yaml
 
 writes every case of a plan:
 
   seed: 1
-  forms: [a, b]
-  closed: {rich: 1, up_steps: 1, sizes: [1, 2, 4, 8]}   # of each effect, form and size
-  withheld: {rich: 1, sizes: [4]}
-  alien: {rich: 2, sizes: [4, 8]}                       # of each alien effect and size
-  no_effect: {rich: 40, up_steps: 20}                   # in all
-  pair: {rich: 30}
-  own_fit: 0.3                                          # share of cases without a model
+  rigs: [virtual_rig, second_rig]
+  no_effect: 40                    # a rig; so are the rest
+  closed: {sizes: [1, 2, 4, 8]}    # each effect of the library at each size, rich protocols
+  other: {sizes: [2, 8]}           # the same on the other protocols
+  withheld: {sizes: [4, 8]}        # each effect once, taken out of the library
+  alien: {sizes: [4, 8]}           # each foreign effect once
+  pair: 10
 """
 
 
@@ -61,19 +42,31 @@ def main(arguments: list[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(arguments)
     try:
-        cases = [_case(given)] if given.plan is None else plan_cases(read_plan(given.plan))
+        cases = [_case(given)] if given.plan is None else _planned(given.plan)
+        write_cases(
+            cases,
+            given.out,
+            given.labels or given.out / "labels",
+            lambda line: print(line, file=sys.stderr),
+        )
+    except BadInput as error:
+        print(error, file=sys.stderr)
+        return 2
     except ValueError as error:
         parser.error(str(error))
-    except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
-    try:
-        write_cases(cases, given.out, given.labels or given.out / "labels", given.workers)
-    except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
     print(f"{given.out}: {len(cases)} case{'s' * (len(cases) != 1)}")
     return 0
+
+
+def _planned(path: Path) -> list[Case]:
+    try:
+        return plan_cases(yaml.safe_load(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise BadInput(path, f"cannot be read: {error.strerror or error}") from error
+    except yaml.YAMLError as error:
+        raise BadInput(path, f"is no YAML: {error}") from error
+    except (ValueError, TypeError) as error:
+        raise BadInput(path, str(error)) from error
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -86,34 +79,40 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, required=True, help="folder of the cases")
     parser.add_argument("--labels", type=Path, help="folder of the labels [OUT/labels]")
     parser.add_argument("--plan", type=Path, help="a YAML file that says which cases")
-    parser.add_argument("--workers", type=int, default=1, help="processes [1]")
-    one = parser.add_argument_group("a single case")
+    one = parser.add_argument_group("a single case, its surroundings drawn by the seed")
+    one.add_argument("--rig", choices=list(RIGS), default="virtual_rig", help="[virtual_rig]")
     one.add_argument("--seed", type=int, default=1, help="seed of all that is random [1]")
     one.add_argument("--name", default="case_0001", help="its name [case_0001]")
     one.add_argument("--kind", choices=KINDS, help="[closed, or no_effect without --effect]")
     one.add_argument("--effect", action="append", default=[], help="an effect; twice for a pair")
     one.add_argument("--size", type=float, default=4.0, help="multiples of the noise floor [4]")
-    one.add_argument("--form", choices=list(FORMS), default="a", help="functional form [a]")
-    one.add_argument("--protocol", choices=PROTOCOLS, default="rich", help="[rich]")
-    one.add_argument("--model", choices=MODELS, default="nominal", help="[nominal]")
+    one.add_argument("--protocol", choices=PROTOCOL_NAMES, default="rich", help="[rich]")
     return parser
 
 
 def _case(given: argparse.Namespace) -> Case:
     effects = tuple(given.effect)
-    default = ("no_effect", "closed", "pair")[min(len(effects), 2)]
-    kind = given.kind or default
-    return Case(
-        name=given.name,
-        seed=given.seed,
-        kind=kind,
-        effects=effects,
-        form=given.form,
-        sizes=(given.size,) * len(effects),
-        protocol=given.protocol,
-        model=given.model,
-        exclude=effects if kind == "withheld" else (),
-    )
+    kind = given.kind or ("no_effect", "closed", "pair")[min(len(effects), 2)]
+    if len(effects) != {"no_effect": 0, "pair": 2}.get(kind, 1):
+        raise ValueError(f"a case of kind {kind} has another number of effects: {len(effects)}")
+    rig = rig_named(given.rig)
+    known = tuple(rig.FOREIGN) if kind == "alien" else rig.EFFECTS
+    for effect in effects:
+        if effect not in known:
+            raise ValueError(f"no effect of a case of kind {kind} is called '{effect}'")
+    rng = np.random.default_rng(given.seed)
+    asked = {
+        "schema": SCHEMA,
+        "name": given.name,
+        "seed": given.seed,
+        "kind": kind,
+        "effects": list(effects),
+        "sizes": [given.size] * len(effects),
+        "protocol": draw_protocol(rng, (given.protocol,)),
+        "model": draw_model(rng, own="parameter_shift" not in effects),
+        "surroundings": draw_surroundings(rng),
+    }
+    return Case(given.rig, asked, effects if kind == "withheld" else ())
 
 
 if __name__ == "__main__":

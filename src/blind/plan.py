@@ -1,85 +1,77 @@
-"""Which cases a blind benchmark has, from a small table of counts."""
+"""Which cases a blind benchmark has: a few counts, and everything else drawn.
+
+The cases of every rig have the same make-up and surroundings of their own. Each list begins with a
+cross-section of itself, so that a part of a benchmark has all kinds, all effects and all sizes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
-from itertools import product
-from pathlib import Path
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-import yaml
 
 from blind.equivalents import confounded
-from blind.first_rig.build import PROTOCOLS, Case
-from blind.first_rig.doses import FORMS
-from blind.first_rig.foreign_effects import ALIENS
-from spa_fo.errors import BadInput
+from blind.rigs import RIGS, rig_named
+from blind.surroundings import PROTOCOL_NAMES, RICH, draw_model, draw_protocol, draw_surroundings
+
+SCHEMA = "spa-fo/blind-case/1"
+KINDS = ("no_effect", "closed", "withheld", "alien", "pair")
 
 _PAIR_SIZES = (2.0, 8.0)
+_POOR = tuple(name for name in PROTOCOL_NAMES if name not in RICH)
+_SHIFT = "parameter_shift"
 
 
 @dataclass(frozen=True)
-class Counts:
-    """How often something is tried, by protocol; at each of some sizes where it has one."""
+class Case:
+    """One case: which rig makes it, what that is asked, and what the library is to lack."""
 
-    rich: int = 0
-    up_steps: int = 0
-    sizes: tuple[float, ...] = (4.0,)
+    rig: str
+    asked: Mapping[str, Any]
+    exclude: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Its folder."""
+        return str(self.asked["name"])
 
 
 @dataclass(frozen=True)
 class BenchmarkPlan:
-    """Size of a benchmark.
+    """Size of a benchmark; the counts are those of one rig.
 
     Parameters
     ----------
     seed : int
         Decides everything; another seed gives other cases.
-    forms : tuple of str
-        Functional forms the effects take, each as often as the other.
-    every_form : bool
-        Whether each effect and size is tried in every form; else the forms take turns.
-    closed, withheld : Counts
-        Cases of each effect of the library in each form and size, held by the library or withheld.
-    alien : Counts
-        Cases of each alien effect and size.
-    no_effect, pair : Counts
-        Cases in all; pairs draw their own sizes between 2 and 8.
-    own_fit : float
-        Share of the cases whose model has to be identified on their own campaign.
+    rigs : tuple of str
+        Names of the rigs that make them.
+    part : float
+        Share of each kind's cases that is made, from the start of its list; at least one of each.
+    no_effect, pair : int
+        Cases without any effect, on every protocol; with two, of 2 to 8 floors, on rich ones.
+    closed : tuple of float
+        Sizes at which each effect of the library is tried on a rich protocol.
+    other : tuple of float
+        The same on the other protocols.
+    withheld : tuple of float
+        Sizes among which each effect, taken out of the library, has one on a rich protocol.
+    alien : tuple of float
+        Sizes among which each foreign effect has one on a rich protocol.
     """
 
     seed: int = 1
-    forms: tuple[str, ...] = ("a", "b")
-    every_form: bool = True
-    closed: Counts = field(default_factory=Counts)
-    no_effect: Counts = field(default_factory=Counts)
-    withheld: Counts = field(default_factory=Counts)
-    alien: Counts = field(default_factory=Counts)
-    pair: Counts = field(default_factory=Counts)
-    own_fit: float = 0.0
-
-
-def read_plan(path: Path) -> BenchmarkPlan:
-    """Read a plan from a YAML file.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, or is not a plan.
-    """
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise BadInput(path, f"cannot be read: {error.strerror or error}") from error
-    except yaml.YAMLError as error:
-        raise BadInput(path, f"is no YAML: {error}") from error
-    try:
-        return benchmark_plan(document)
-    except ValueError as error:
-        raise BadInput(path, str(error)) from error
+    rigs: tuple[str, ...] = tuple(RIGS)
+    part: float = 1.0
+    no_effect: int = 0
+    closed: tuple[float, ...] = ()
+    other: tuple[float, ...] = ()
+    withheld: tuple[float, ...] = ()
+    alien: tuple[float, ...] = ()
+    pair: int = 0
 
 
 def benchmark_plan(document: Mapping[str, Any]) -> BenchmarkPlan:
@@ -90,56 +82,46 @@ def benchmark_plan(document: Mapping[str, Any]) -> BenchmarkPlan:
     ValueError
         A key is unknown or a value is of the wrong kind; the text names it.
     """
-    _refuse_unknown(document, BenchmarkPlan, "")
-    values: dict[str, Any] = {}
-    for key, value in document.items():
-        if key == "seed":
-            values[key] = _whole(value, key)
-        elif key == "forms":
-            values[key] = tuple(value)
-            if not values[key] or not set(values[key]) <= set(FORMS):
-                raise ValueError(f"forms: expected some of {', '.join(FORMS)}")
-        elif key == "every_form":
-            if not isinstance(value, bool):
-                raise ValueError("every_form: expected true or false")
-            values[key] = value
-        elif key == "own_fit":
-            if not isinstance(value, int | float) or not 0 <= value <= 1:
-                raise ValueError("own_fit: expected a number from 0 to 1")
-            values[key] = float(value)
-        else:
-            values[key] = _counts(value, key)
-    return BenchmarkPlan(**values)
-
-
-def _counts(document: Any, where: str) -> Counts:
-    _refuse_unknown(document, Counts, f"{where}.")
-    values: dict[str, Any] = {
-        key: _whole(document[key], f"{where}.{key}") for key in PROTOCOLS if key in document
-    }
-    if "sizes" in document:
-        sizes = document["sizes"]
-        if not isinstance(sizes, list) or not all(
-            isinstance(size, int | float) and size > 0 for size in sizes
-        ):
-            raise ValueError(f"{where}.sizes: expected a list of positive numbers")
-        values["sizes"] = tuple(float(size) for size in sizes)
-    return Counts(**values)
-
-
-def _refuse_unknown(document: Any, kind: type[BenchmarkPlan | Counts], where: str) -> None:
-    if not isinstance(document, Mapping):
-        raise ValueError(f"{where.rstrip('.') or 'plan'}: expected keys and values")
-    known = [entry.name for entry in fields(kind)]
+    known = {entry.name: entry.type for entry in fields(BenchmarkPlan)}
     for key in document:
         if key not in known:
-            raise ValueError(f"{where}{key}: expected one of {', '.join(known)}")
+            raise ValueError(f"{key}: expected one of {', '.join(known)}")
+    return BenchmarkPlan(**{key: _CHECKS[known[key]](key, document[key]) for key in document})
 
 
-def _whole(value: Any, where: str) -> int:
-    if not isinstance(value, int) or value < 0:
-        raise ValueError(f"{where}: expected a whole number that is not negative")
+def _count(key: str, value: Any) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise ValueError(f"{key}: expected a whole number that is not negative")
     return value
+
+
+def _share(key: str, value: Any) -> float:
+    if not isinstance(value, int | float) or not 0 < value <= 1:
+        raise ValueError(f"{key}: expected a number above 0, 1 at most")
+    return float(value)
+
+
+def _sizes(key: str, value: Any) -> tuple[float, ...]:
+    sizes = value.get("sizes") if isinstance(value, Mapping) and set(value) == {"sizes"} else None
+    if not isinstance(sizes, list) or not all(
+        isinstance(size, int | float) and size > 0 for size in sizes
+    ):
+        raise ValueError(f"{key}: expected sizes: and a list of positive numbers")
+    return tuple(float(size) for size in sizes)
+
+
+def _names(key: str, value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or not value or not set(value) <= set(RIGS):
+        raise ValueError(f"{key}: expected some of {', '.join(RIGS)}")
+    return tuple(value)
+
+
+_CHECKS: Mapping[Any, Callable[[str, Any], Any]] = {
+    "int": _count,
+    "float": _share,
+    "tuple[float, ...]": _sizes,
+    "tuple[str, ...]": _names,
+}
 
 
 def plan_cases(plan: BenchmarkPlan | Mapping[str, Any]) -> list[Case]:
@@ -148,60 +130,103 @@ def plan_cases(plan: BenchmarkPlan | Mapping[str, Any]) -> list[Case]:
     Parameters
     ----------
     plan : BenchmarkPlan or mapping
-        Its size; a mapping is checked as by `benchmark_plan`.
+        The mapping as `benchmark_plan` reads it.
+
+    Raises
+    ------
+    ValueError
+        As `benchmark_plan`.
     """
     if not isinstance(plan, BenchmarkPlan):
         plan = benchmark_plan(plan)
-    rng = np.random.default_rng(plan.seed)
-    cases = list(_unnamed(plan, rng))
-    seeds = rng.choice(2**32, size=len(cases), replace=False).tolist()
-    own_fit = rng.random(len(cases)) < plan.own_fit
-    named: list[Case] = []
-    for number, i in enumerate(rng.permutation(len(cases)).tolist(), start=1):
-        # Identified on its own campaign another specimen is no gap at all.
-        own = own_fit[i] and "parameter_shift" not in cases[i].effects
-        model = "own_fit" if own else "nominal"
-        named.append(replace(cases[i], name=f"case_{number:04d}", seed=seeds[i], model=model))
-    return named
+    cases = [case for rig in plan.rigs for case in _cases_of(plan, rig)]
+    rng = np.random.default_rng([plan.seed, 0])
+    seeds = rng.choice(2**31, size=len(cases), replace=False).tolist()
+    order = rng.permutation(len(cases)).tolist()
+    return [
+        replace(cases[i], asked=_numbered(cases[i].asked, number, seeds[i]))
+        for number, i in enumerate(order, start=1)
+    ]
 
 
-def _unnamed(plan: BenchmarkPlan, rng: np.random.Generator) -> Iterator[Case]:
-    blank = Case(name="", seed=0)
-    for protocol in PROTOCOLS:
-        for _ in range(getattr(plan.no_effect, protocol)):
-            yield replace(blank, protocol=protocol)
-        for kind, counts in (("closed", plan.closed), ("withheld", plan.withheld)):
-            of_each = range(getattr(counts, protocol))
-            for turn, (size, _) in enumerate(product(counts.sizes, of_each)):
-                for effect, form in _effects(plan, turn):
-                    exclude = (effect,) if kind == "withheld" else ()
-                    yield Case("", 0, kind, (effect,), form, (size,), protocol, exclude=exclude)
-        for size, _ in product(plan.alien.sizes, range(getattr(plan.alien, protocol))):
-            for name, alien in ALIENS.items():
-                if alien.up_steps or protocol != "up_steps":
-                    yield Case("", 0, "alien", (name,), "a", (size,), protocol)
-        for i in range(getattr(plan.pair, protocol)):
-            form = plan.forms[i % len(plan.forms)]
-            effects = _draw_pair(form, rng)
-            low, high = np.log(_PAIR_SIZES)
-            first, second = np.exp(rng.uniform(low, high, 2)).tolist()
-            yield Case("", 0, "pair", effects, form, (first, second), protocol)
+def _numbered(asked: Mapping[str, Any], number: int, seed: int) -> dict[str, Any]:
+    return {"schema": SCHEMA, "name": f"case_{number:04d}", "seed": seed, **asked}
 
 
-def _effects(plan: BenchmarkPlan, turn: int) -> Iterator[tuple[str, str]]:
-    """List every effect with the forms it takes this time."""
-    for number, effect in enumerate(FORMS[plan.forms[0]]):
-        if plan.every_form:
-            for form in plan.forms:
-                yield effect, form
-        else:
-            yield effect, plan.forms[(number + turn) % len(plan.forms)]
+def _cases_of(plan: BenchmarkPlan, rig: str) -> Iterator[Case]:
+    """List the cases of one rig, kind by kind."""
+    lists: Mapping[str, Callable[[], Iterator[tuple[tuple[str, ...], tuple[float, ...]]]]] = {
+        "no_effect": lambda: iter([((), ())] * plan.no_effect),
+        "closed": lambda: _each(rig_named(rig).EFFECTS, plan.closed),
+        "other": lambda: _each(rig_named(rig).EFFECTS, plan.other),
+        "withheld": lambda: _one_each(rig_named(rig).EFFECTS, plan.withheld),
+        "alien": lambda: _one_each(tuple(rig_named(rig).FOREIGN), plan.alien),
+        "pair": lambda: _pairs(plan.pair, rig_named(rig).EFFECTS, _stream(plan, rig, "pairs")),
+    }
+    for name, make in lists.items():
+        rng = _stream(plan, rig, name)
+        among = {"no_effect": None, "other": _POOR}.get(name, RICH)
+        kind = "closed" if name == "other" else name
+        cases = [_case(rig, kind, effects, sizes, among, rng) for effects, sizes in make()]
+        yield from cases[: math.ceil(plan.part * len(cases))]
 
 
-def _draw_pair(form: str, rng: np.random.Generator) -> tuple[str, str]:
-    """Draw two effects that can be told apart; a shifted specimen goes with any other anyhow."""
-    names = [name for name in FORMS[form] if name != "parameter_shift"]
-    while True:
-        one, other = rng.choice(names, size=2, replace=False).tolist()
-        if not confounded(one, other):
-            return one, other
+def _stream(plan: BenchmarkPlan, rig: str, name: str) -> np.random.Generator:
+    """Open the random stream of one list of one rig."""
+    return np.random.default_rng([plan.seed, *f"{rig}/{name}".encode()])
+
+
+def _case(
+    rig: str,
+    kind: str,
+    effects: tuple[str, ...],
+    sizes: tuple[float, ...],
+    among: tuple[str, ...] | None,
+    rng: np.random.Generator,
+) -> Case:
+    asked = {
+        "kind": kind,
+        "effects": list(effects),
+        "sizes": list(sizes),
+        "protocol": draw_protocol(rng, among),
+        # Identified on its own campaign, another specimen is no gap at all.
+        "model": draw_model(rng, own=_SHIFT not in effects),
+        "surroundings": draw_surroundings(rng),
+    }
+    return Case(rig, asked, exclude=effects if kind == "withheld" else ())
+
+
+def _each(
+    effects: tuple[str, ...], sizes: tuple[float, ...]
+) -> Iterator[tuple[tuple[str, ...], tuple[float, ...]]]:
+    """List every effect at every size: each effect once before any comes again."""
+    for turn in range(len(sizes)):
+        for i, effect in enumerate(effects):
+            yield (effect,), (sizes[(i + turn) % len(sizes)],)
+
+
+def _one_each(
+    effects: tuple[str, ...], sizes: tuple[float, ...]
+) -> Iterator[tuple[tuple[str, ...], tuple[float, ...]]]:
+    """List every effect at one size; the sizes take turns."""
+    if sizes:
+        yield from (((effect,), (sizes[i % len(sizes)],)) for i, effect in enumerate(effects))
+
+
+def _pairs(
+    count: int, effects: tuple[str, ...], rng: np.random.Generator
+) -> Iterator[tuple[tuple[str, ...], tuple[float, ...]]]:
+    """Draw pairs that can be told apart; a shifted specimen goes with any other anyhow."""
+    names = [name for name in effects if name != _SHIFT]
+    low, high = np.log(_PAIR_SIZES)
+    for _ in range(count):
+        one, other = _two(names, rng)
+        while confounded(one, other):
+            one, other = _two(names, rng)
+        first, second = np.exp(rng.uniform(low, high, 2)).round(3).tolist()
+        yield (one, other), (first, second)
+
+
+def _two(names: list[str], rng: np.random.Generator) -> tuple[str, str]:
+    first, second = rng.permutation(len(names))[:2].tolist()
+    return names[first], names[second]
