@@ -54,7 +54,7 @@ class Specimen:
         """
         felt = pace * step_s
         body = self.banks.setdefault(felt, bank(self.core, felt))
-        times = started_s + step_s * np.arange(pressure.size)
+        times = started_s + step_s * np.arange(pressure.size, dtype=np.float64)
         drive = gain * self.core.b0 * _input(self.effects, pressure, times)
         angle = run(body, self.laws, self.core.a0, drive, self.voigt, self.state, step_s)
         for effect in self.effects:
@@ -116,15 +116,15 @@ def _input(effects: Sequence[Effect], pressure: Floats, times: Floats) -> Floats
         elif effect.id == "ballooning":
             moment = moment * (1.0 + size * (moment / shape["top"]) ** 2)
         elif effect.id == "fold_threshold":
-            knee = shape["knee"] * shape["top"]
             threshold = size * shape["top"]
+            knee = shape["knee"] * threshold
             wide = knee * np.logaddexp(0.0, (moment - threshold) / knee)
             moment = wide - knee * np.logaddexp(0.0, -threshold / knee)
     return np.asarray(moment, dtype=np.float64)
 
 
 @njit(cache=True)
-def _ringing(push, step_s, pace, damping, state):  # type: ignore[no-untyped-def]
+def _ringing(push: Floats, step_s: float, pace: float, damping: float, state: Floats) -> Floats:
     """Motion of a lightly damped mode about its own rest: what is left when the push is held."""
     out = np.empty(push.size + 1)
     out[0] = state[0]

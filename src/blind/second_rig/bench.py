@@ -170,7 +170,7 @@ def make_plan(
 
 
 def _numbered(slots: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Number each experiment's trials in the order they happen."""
+    """Count each experiment's trials in the order they happen."""
     seen: dict[int, int] = {}
     numbered = []
     for place, _ in slots:

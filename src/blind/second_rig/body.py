@@ -120,7 +120,7 @@ def _elastic(laws: Laws, y: float) -> float:
 def _friction(laws: Laws, z: float, stops: Floats) -> float:
     if laws.smooth > 0.5:
         return laws.friction * z
-    return laws.friction * stops.sum() / (laws.slip * 0.5 * (STOPS + 1))
+    return float(laws.friction * stops.sum() / (laws.slip * 0.5 * (STOPS + 1)))
 
 
 @njit(cache=True)
@@ -135,9 +135,7 @@ def _rub(laws: Laws, z: float, stops: Floats, dy: float) -> float:
 
 
 @njit(cache=True)
-def _soften(
-    laws: Laws, dose: float, networks: Floats, y: float, dy: float, step_s: float
-) -> float:
+def _soften(laws: Laws, dose: float, networks: Floats, y: float, dy: float, step_s: float) -> float:
     """Break what loading breaks; return the dose so far."""
     if laws.dose > 0.0:
         return dose + abs(y * dy)
@@ -148,11 +146,11 @@ def _soften(
 
 
 @njit(cache=True)
-def _run(  # type: ignore[no-untyped-def]
+def _run(
     body: Bank, laws: Laws, stiffness: float, drive: Floats, compliance: Floats,
     retardation: Floats, step_s: float, scalars: Floats, maxwell: Floats, creep: Floats,
     networks: Floats, stops: Floats,
-):  # fmt: skip
+) -> Floats:  # fmt: skip
     h = body.step
     angle = np.empty(drive.size + 1)
     y, v, dose, plastic, z = scalars

@@ -126,9 +126,7 @@ def _record_specimen(
     begins_s = round(after_s + bench.fixture.length_s + rng.uniform(120.0, 900.0), 1)
     sampling = bench.surroundings["sampling"]
     order = protocol["order"]
-    later = in_kpa(
-        make_plan(later_experiments(rng), order, begins_s, sampling, rng), bench.top_kpa
-    )
+    later = in_kpa(make_plan(later_experiments(rng), order, begins_s, sampling, rng), bench.top_kpa)
     scatter = bench.surroundings["scatter"]
     plan = scattered(plan, scatter, streams.of("campaign"))
     later = scattered(later, scatter, rng)
@@ -201,11 +199,7 @@ def _record_model(
     return rms(ruler.angles((), given) - ruler.bare)
 
 
-
-
-def _record_earlier(
-    folder: Path, name: str, bench: Bench, scene: Scene, streams: Streams
-) -> None:
+def _record_earlier(folder: Path, name: str, bench: Bench, scene: Scene, streams: Streams) -> None:
     """Write earlier/: the specimen before any effect, with a calibration of its own."""
     rng = streams.of("earlier")
     sampling = bench.surroundings["sampling"]

@@ -70,11 +70,12 @@ def _dead_time(e: Effect, command: Floats, step_s: float, state: Floats, at_s: f
 
 def _line_lag(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
     second = e.shape.get("second", 0.0) * e.amplitude
-    return _tube(command, step_s, e.amplitude, second, state)
+    pressure: Floats = _tube(command, step_s, e.amplitude, second, state)
+    return pressure
 
 
 @njit(cache=True)
-def _tube(command, step_s, first_s, second_s, state):  # type: ignore[no-untyped-def]
+def _tube(command: Floats, step_s: float, first_s: float, second_s: float, state: Floats) -> Floats:
     """Tube and volume, one node or two."""
     out = np.empty_like(command)
     keep = np.exp(-step_s / first_s)
@@ -88,11 +89,22 @@ def _tube(command, step_s, first_s, second_s, state):  # type: ignore[no-untyped
 
 def _supply_droop(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
     share = e.form == "regulator"
-    return _reservoir(command, step_s, e.amplitude, e.shape["recovery_s"], e.shape["top"], share, state)
+    pressure: Floats = _reservoir(
+        command, step_s, e.amplitude, e.shape["recovery_s"], e.shape["top"], share, state
+    )
+    return pressure
 
 
 @njit(cache=True)
-def _reservoir(command, step_s, size, recovery_s, top, share, state):  # type: ignore[no-untyped-def]
+def _reservoir(
+    command: Floats,
+    step_s: float,
+    size: float,
+    recovery_s: float,
+    top: float,
+    share: bool,
+    state: Floats,
+) -> Floats:
     """Each rise draws the supply down; it recovers with a time constant."""
     out = np.empty_like(command)
     keep = np.exp(-step_s / recovery_s)
@@ -106,12 +118,17 @@ def _reservoir(command, step_s, size, recovery_s, top, share, state):  # type: i
 
 
 def _leak(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
-    return _seep(command, step_s, e.amplitude, e.shape["top"], e.form == "orifice", state)
+    pressure: Floats = _seep(
+        command, step_s, e.amplitude, e.shape["top"], e.form == "orifice", state
+    )
+    return pressure
 
 
 @njit(cache=True)
-def _seep(command, step_s, rate, top, orifice, state):  # type: ignore[no-untyped-def]
-    """A syringe moves the difference of commands into a volume that loses air."""
+def _seep(
+    command: Floats, step_s: float, rate: float, top: float, orifice: bool, state: Floats
+) -> Floats:
+    """Move the difference of commands into a volume that loses air, as a syringe does."""
     out = np.empty_like(command)
     for n in range(command.size):
         pressure = max(state[0] + command[n] - state[1], 0.0)
@@ -124,12 +141,15 @@ def _seep(command, step_s, rate, top, orifice, state):  # type: ignore[no-untype
 
 def _slew_limit(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
     rate = e.shape["top"] / e.amplitude
-    return _flow(command, step_s, rate, e.shape.get("knee", 0.0) * e.shape["top"], state)
+    pressure: Floats = _flow(
+        command, step_s, rate, e.shape.get("knee", 0.0) * e.shape["top"], state
+    )
+    return pressure
 
 
 @njit(cache=True)
-def _flow(command, step_s, rate, knee, state):  # type: ignore[no-untyped-def]
-    """A pump of limited flow; with a knee its flow falls off as the target comes near."""
+def _flow(command: Floats, step_s: float, rate: float, knee: float, state: Floats) -> Floats:
+    """Limit a pump's flow; with a knee it falls off as the target comes near."""
     out = np.empty_like(command)
     for n in range(command.size):
         gap = command[n] - state[0]
@@ -147,11 +167,12 @@ def _drive_backlash(
 ) -> Floats:
     width = e.amplitude * e.shape["top"]
     widths = width * (_PLAYS if e.form == "soft_play" else np.ones(4))
-    return _play(command, widths, e.shape["engaged"], state)
+    pressure: Floats = _play(command, widths, e.shape["engaged"], state)
+    return pressure
 
 
 @njit(cache=True)
-def _play(command, widths, engaged, state):  # type: ignore[no-untyped-def]
+def _play(command: Floats, widths: Floats, engaged: float, state: Floats) -> Floats:
     """Play: the pressure waits until the gap is crossed; several plays make a soft contact."""
     out = np.empty_like(command)
     for n in range(command.size):
@@ -166,29 +187,39 @@ def _play(command, widths, engaged, state):  # type: ignore[no-untyped-def]
 
 
 def _overshoot(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
-    damping = 1.0 / (1.0 + 9.0 * e.amplitude)  # 1: no overshoot, 0.1: a strong one
-    pace = 2.0 * np.pi * e.shape["frequency_hz"]
-    return _second_order(command, step_s, pace, damping, state)
+    """Let a regulator swing about its target; the amplitude is the period (s)."""
+    pace = 2.0 * np.pi / e.amplitude
+    pressure: Floats = _swinging(command, step_s, pace, e.shape["damping"], state)
+    return pressure
 
 
 @njit(cache=True)
-def _second_order(command, step_s, pace, damping, state):  # type: ignore[no-untyped-def]
+def _swinging(command: Floats, step_s: float, pace: float, damping: float, state: Floats) -> Floats:
+    """Step an underdamped second order by its exact solution; the state is error, rate, target."""
     out = np.empty_like(command)
+    slow = damping * pace
+    fast = pace * np.sqrt(1.0 - damping * damping)
+    fading = np.exp(-slow * step_s)
+    along, across = fading * np.cos(fast * step_s), fading * np.sin(fast * step_s) / fast
     for n in range(command.size):
-        push = pace * pace * (command[n] - state[0]) - 2.0 * damping * pace * state[1]
-        state[1] += step_s * push
-        state[0] += step_s * state[1]
-        out[n] = state[0]
+        error = state[0] + state[2] - command[n]
+        state[2] = command[n]
+        state[0] = (along + slow * across) * error + across * state[1]
+        state[1] = (along - slow * across) * state[1] - pace * pace * across * error
+        out[n] = max(command[n] + state[0], 0.0)
     return out
 
 
 def _slow_vent(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
-    return _orifice(command, step_s, e.shape["fill_share"] * e.amplitude, e.amplitude, state)
+    pressure: Floats = _orifice(
+        command, step_s, e.shape["fill_share"] * e.amplitude, e.amplitude, state
+    )
+    return pressure
 
 
 @njit(cache=True)
-def _orifice(command, step_s, fill_s, vent_s, state):  # type: ignore[no-untyped-def]
-    """Fills and vents through orifices of unlike size."""
+def _orifice(command: Floats, step_s: float, fill_s: float, vent_s: float, state: Floats) -> Floats:
+    """Fill and vent through orifices of unlike size."""
     out = np.empty_like(command)
     for n in range(command.size):
         gap = command[n] - state[0]
@@ -198,17 +229,15 @@ def _orifice(command, step_s, fill_s, vent_s, state):  # type: ignore[no-untyped
 
 
 def _limit_cycle(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
-    """A valve hunts about its set-point: a triangle wave in proportion to the pressure."""
+    """Let a valve hunt about its set-point: a triangle wave in proportion to the pressure."""
     phase = (at_s + step_s * np.arange(command.size)) * e.shape["frequency_hz"] % 1.0
     wave = 4.0 * np.abs(phase - 0.5) - 1.0
     hunting: Floats = np.maximum(command * (1.0 + e.amplitude * wave), 0.0)
     return hunting
 
 
-def _supply_wander(
-    e: Effect, command: Floats, step_s: float, state: Floats, at_s: float
-) -> Floats:
-    """A supply that wanders: a smooth random factor on the pressure over campaign time."""
+def _supply_wander(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
+    """Let the supply wander: a smooth random factor on the pressure over campaign time."""
     times = (at_s + step_s * np.arange(command.size)) / e.shape["knot_s"] + 8.0
     wander = np.interp(times, np.arange(e.series.size, dtype=np.float64), e.series)
     wandering: Floats = np.maximum(command * (1.0 + e.amplitude * wander), 0.0)
@@ -221,7 +250,7 @@ _TRANSMIT: dict[str, tuple[Transmit, int]] = {
     "dead_time": (_dead_time, 1),
     "drive_backlash": (_drive_backlash, 4),
     "slew_limit": (_slew_limit, 1),
-    "regulator_overshoot": (_overshoot, 2),
+    "regulator_overshoot": (_overshoot, 3),
     "slow_vent": (_slow_vent, 1),
     "valve_limit_cycle": (_limit_cycle, 1),
     "line_lag": (_line_lag, 2),

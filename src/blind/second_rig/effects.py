@@ -64,7 +64,7 @@ def _gravity_load(rng: Rng, scene: Scene) -> Effect:
 def _contact_stop(rng: Rng, scene: Scene) -> Effect:
     form = pick(rng, "hertz", "spring")
     shape = {
-        "at_rad": rng.uniform(0.5, 0.85) * scene.top_rad,
+        "at_rad": rng.uniform(0.45, 0.75) * scene.top_rad,
         "power": 1.5 if form == "hertz" else 1.0,
     }
     return Effect("contact_stop", form, "stiffness over the body's own", 60.0, shape)
@@ -154,7 +154,8 @@ def _sensor_slip(rng: Rng, scene: Scene) -> Effect:
     steps = rng.normal(size=_MOST_TRIALS)
     if form == "jumps":
         steps *= rng.random(_MOST_TRIALS) < max(0.2, 1.5 / scene.trials)
-        steps[int(rng.integers(2, max(3, scene.trials)))] = sign(rng) * rng.uniform(1.0, 2.0)
+        first = min(2, scene.trials)
+        steps[int(rng.integers(first, scene.trials + 1))] = sign(rng) * rng.uniform(1.0, 2.0)
     steps[0] = 0.0  # the first calibration sees the sensor where it was put
     zero = np.cumsum(steps)
     used = np.sqrt(np.mean(zero[1 : scene.trials + 1] ** 2))

@@ -46,7 +46,7 @@ class Curve:
     @property
     def full(self) -> int:
         """The largest count."""
-        return 2**self.bits - 1
+        return int(2**self.bits - 1)
 
     def level(self, angle_deg: Floats) -> Floats:
         """Return what the converter is given, in counts, not rounded."""
@@ -150,22 +150,19 @@ def calibrate(
     begins = _WAIT_S + cycle * np.arange(true.size)
     corners = np.concatenate([[0.0], np.ravel(np.column_stack([begins, begins + fixture.dwell_s]))])
     path = np.concatenate([true[:1], np.repeat(true, 2)])
-    clock = _STEP_S * np.arange(int(np.ceil(corners[-1] / _STEP_S)) + 1)
+    clock = _STEP_S * np.arange(int(np.ceil(corners[-1] / _STEP_S)) + 1, dtype=np.float64)
     started = When(when.started_s - _WAIT_S, when.order)
     angle = np.interp(clock, corners, path)
     shown = see(effects, angle, np.zeros_like(angle), _STEP_S, Skin(), started)
     period = 1.0 / float(surroundings["sampling"]["rate_hz"])
+    jitter = float(surroundings["sampling"]["jitter"])
     count = max(12, int(fixture.dwell_s / period))
-    within = period * np.arange(count)
-    times = np.concatenate([begin + _jittered(within, period, surroundings, rng) for begin in begins])
+    within = period * np.arange(count, dtype=np.float64)
+    times = np.concatenate([begin + jittered(within, period, jitter, rng) for begin in begins])
     read = log(effects, shown, _STEP_S, times, started)
     read = read + white(surroundings["noise"], times.size, rng)
     known = np.repeat(np.array(fixture.angles), count)
     return CalibrationLog(when.started_s, times - _WAIT_S, known, curve.counts(read))
-
-
-def _jittered(times: Floats, period: float, surroundings: dict[str, Any], rng: Rng) -> Floats:
-    return jittered(times, period, float(surroundings["sampling"]["jitter"]), rng)
 
 
 def jittered(times: Floats, period: float, share: float, rng: Rng) -> Floats:

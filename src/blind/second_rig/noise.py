@@ -28,7 +28,8 @@ def coloured(noise: dict[str, Any], times: Floats, rng: np.random.Generator) -> 
         return np.zeros(times.size)
     if noise["colour"] == "exponential":
         kept = np.exp(-np.diff(times) / float(noise["correlation_s"]))
-        return size * _ornstein_uhlenbeck(kept, rng.normal(size=times.size))
+        relaxing: Floats = _ornstein_uhlenbeck(kept, rng.normal(size=times.size))
+        return size * relaxing
     return size * pink(times.size, rng)
 
 
@@ -38,7 +39,7 @@ def white(noise: dict[str, Any], count: int, rng: np.random.Generator) -> Floats
 
 
 @njit(cache=True)
-def _ornstein_uhlenbeck(kept, shocks):  # type: ignore[no-untyped-def]
+def _ornstein_uhlenbeck(kept: Floats, shocks: Floats) -> Floats:
     out = np.empty(shocks.size)
     out[0] = shocks[0]
     for n in range(1, shocks.size):

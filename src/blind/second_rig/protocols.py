@@ -81,7 +81,7 @@ def experiments(name: str, repeats: int, rng: Rng) -> tuple[Experiment, ...]:
     """
     if name == "single":
         if rng.random() < 0.5:
-            return (_long_log(rng),)
+            return _budget((_long_log(rng),), ())
         return _budget(_steps(rng, 1, release=True), _rich(rng, 1))
     steps = _steps(rng, repeats, release=name != "up_steps")
     if name in ("up_steps", "releases"):
@@ -109,9 +109,7 @@ def earlier_experiments(rng: Rng) -> tuple[Experiment, ...]:
     return _steps(rng, int(rng.integers(2, 4)), release=bool(rng.random() < 0.5))
 
 
-def _budget(
-    steps: Sequence[Experiment], others: Sequence[Experiment]
-) -> tuple[Experiment, ...]:
+def _budget(steps: Sequence[Experiment], others: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """Keep the log within its length: fewer repeats of the long experiments, shorter dwells."""
     share = _STEPS_SHARE if others else 1.0
     needed = sum(e.length_s * e.repeats for e in steps)

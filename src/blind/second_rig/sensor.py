@@ -91,7 +91,7 @@ def log(
     when : When
         Place in the campaign.
     """
-    clock = step_s * np.arange(shown.size)
+    clock = step_s * np.arange(shown.size, dtype=np.float64)
     read = np.interp(times, clock, shown)
     for effect in effects:
         if effect.amplitude == 0.0:
@@ -109,7 +109,7 @@ def log(
 
 
 def _late(e: Effect, clock: Floats, shown: Floats, times: Floats) -> Floats:
-    """A buffer that holds readings back, or a filter that averages over twice the delay."""
+    """Hold readings back in a buffer, or average them over twice the delay."""
     if e.form == "buffer":
         return np.interp(times - e.amplitude, clock, shown)
     window = 2.0 * e.amplitude
@@ -130,7 +130,7 @@ def _pickup(e: Effect, at_s: Floats) -> Floats:
 
 
 def _frozen(e: Effect, read: Floats, times: Floats, when: When) -> Floats:
-    """The channel holds its last value in some stretches; the amplitude is their length (s)."""
+    """Hold the last value in some stretches; the amplitude is their length (s)."""
     slots = np.floor((when.started_s + times) / e.shape["every_s"]).astype(np.int64)
     begins = slots * e.shape["every_s"] - when.started_s
     stuck = (e.series[slots % e.series.size] < e.shape["share"]) & (times - begins < e.amplitude)
@@ -141,7 +141,7 @@ def _frozen(e: Effect, read: Floats, times: Floats, when: When) -> Floats:
 def _nonlinearity(
     e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When
 ) -> Floats:
-    """The curve has aged since the first calibration; later ones see the new curve."""
+    """Bend the curve: it has aged since the first calibration, and later ones see it bent."""
     if when.order == 0:
         return y
     span, way = e.shape["span_deg"], e.shape["sign"]
@@ -156,7 +156,7 @@ def _nonlinearity(
 def _saturation(
     e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When
 ) -> Floats:
-    """The amplifier's rail has sunk since the first calibration; later ones run into it too."""
+    """Stop at the amplifier's rail, sunk since the first calibration; later ones meet it too."""
     if when.order == 0:
         return y
     rail, knee = e.shape["top_deg"] * (1.6 - e.amplitude), e.shape.get("knee_deg", 0.0)
@@ -165,9 +165,7 @@ def _saturation(
     return np.asarray(y - knee * np.logaddexp(0.0, (y - rail) / knee), dtype=np.float64)
 
 
-def _lag(
-    e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When
-) -> Floats:
+def _lag(e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When) -> Floats:
     poles = 2 if e.form == "two_poles" else 1
     state = skin.states.setdefault(e.id, np.full(poles, y[0]))
     for k in range(poles):
@@ -176,7 +174,7 @@ def _lag(
 
 
 @njit(cache=True)
-def _follow(y, step_s, time_s, state):  # type: ignore[no-untyped-def]
+def _follow(y: Floats, step_s: float, time_s: float, state: Floats) -> Floats:
     out = np.empty_like(y)
     keep = np.exp(-step_s / time_s)
     out[0] = state[0]
@@ -186,9 +184,7 @@ def _follow(y, step_s, time_s, state):  # type: ignore[no-untyped-def]
     return out
 
 
-def _creep(
-    e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When
-) -> Floats:
+def _creep(e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When) -> Floats:
     times = np.geomspace(e.shape["shortest_s"], e.shape["longest_s"], int(e.shape["elements"]))
     state = skin.states.setdefault(e.id, np.zeros(times.size))
     drift = np.zeros_like(y)
@@ -206,7 +202,7 @@ def _hysteresis(
 
 
 @njit(cache=True)
-def _dahl(y, turn, hard, state):  # type: ignore[no-untyped-def]
+def _dahl(y: Floats, turn: float, hard: bool, state: Floats) -> Floats:
     """Friction in the pocket: -1 to 1, turning over with the direction of bending."""
     out = np.empty_like(y)
     for n in range(y.size):
@@ -223,9 +219,7 @@ def _dahl(y, turn, hard, state):  # type: ignore[no-untyped-def]
     return out
 
 
-def _slip(
-    e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When
-) -> Floats:
+def _slip(e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When) -> Floats:
     return np.asarray(y + e.amplitude * e.series[when.order], dtype=np.float64)
 
 

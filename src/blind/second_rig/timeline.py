@@ -120,18 +120,19 @@ def _held(times: Floats, command: Floats) -> Floats:
     ends = np.concatenate([[0.0], times, [clock[-1] + 1.0]])
     levels = np.concatenate([[0.0], command])
     area = np.concatenate([[0.0], np.cumsum(levels * np.diff(ends))])
-    return np.diff(np.interp(clock, ends, area)) / STEP_S
+    mean: Floats = np.diff(np.interp(clock, ends, area)) / STEP_S
+    return mean
 
 
 def _sensed(pressure: Floats, times: Floats, lag_s: float) -> Floats:
     """Return what the pressure sensor shows at the samples: read as the command goes out."""
-    shown = _low_pass(pressure, float(np.exp(-STEP_S / lag_s)) if lag_s > 0.0 else 0.0)
+    shown: Floats = _low_pass(pressure, float(np.exp(-STEP_S / lag_s)) if lag_s > 0.0 else 0.0)
     sensed: Floats = shown[np.floor(times / STEP_S + 1e-6).astype(np.int64)]
     return sensed
 
 
 @njit(cache=True)
-def _low_pass(pressure, keep):  # type: ignore[no-untyped-def]
+def _low_pass(pressure: Floats, keep: float) -> Floats:
     out = np.empty(pressure.size + 1)
     out[0] = pressure[0]
     for n in range(pressure.size):

@@ -155,12 +155,17 @@ class Table:
             return [f"{value:d}" for value in values.astype(np.int64)]
         unit = self.units[role]
         if role == "time":
-            return [f"{value:.{ {'s': 6, 'ms': 3, 'us': 0}[unit]}f}" for value in values / _SECONDS[unit]]
+            return [
+                f"{value:.{ {'s': 6, 'ms': 3, 'us': 0}[unit] }f}"
+                for value in values / _SECONDS[unit]
+            ]
         if role == "angle":
             return [f"{x:.6f}" for x in (np.deg2rad(values) if unit == "rad" else values)]
         if role == "pressure":
             values = values + self.ambient_kpa
-        return [f"{value:.6g}" if role == "command" else f"{value:.7g}" for value in values / _KPA[unit]]
+        return [
+            f"{value:.6g}" if role == "command" else f"{value:.7g}" for value in values / _KPA[unit]
+        ]
 
 
 def draw_table(angle: bool, pressure: bool, rng: Rng) -> Table:
@@ -223,8 +228,17 @@ def delimited(table: Table, columns: dict[str, Floats], damaged: Flags, rng: Rng
     for row, fields in enumerate(zip(*texts, strict=True)):
         line = list(fields)
         if damaged[row]:
-            spoiled = needed[int(rng.integers(len(needed)))]
-            line[spoiled] = str(rng.choice(["nan", "err", "-"]))
+            line = _spoil(line, needed, table.delimiter != " ", rng)
         lines.append(table.delimiter.join(line))
     end = table.line_end.decode("ascii")
     return (end.join(lines) + end).encode("ascii")
+
+
+def _spoil(line: list[str], needed: Sequence[int], empty: bool, rng: Rng) -> list[str]:
+    """Spoil a row: a field that is no number, one that is empty, or the row's end cut off."""
+    kinds = ["nan", "err", "-", "cut"] + [""] * empty
+    kind = str(rng.choice(kinds))
+    if kind == "cut":
+        return line[: max(needed)]
+    line[needed[int(rng.integers(len(needed)))]] = kind
+    return line
