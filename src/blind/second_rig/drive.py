@@ -154,7 +154,8 @@ def _flow(command: Floats, step_s: float, rate: float, knee: float, state: Float
     for n in range(command.size):
         gap = command[n] - state[0]
         if knee > 0.0:
-            move = rate * step_s * np.tanh(gap / knee)
+            most = rate * step_s * np.tanh(abs(gap) / knee)
+            move = min(max(gap, -most), most)
         else:
             move = min(max(gap, -rate * step_s), rate * step_s)
         state[0] += move
