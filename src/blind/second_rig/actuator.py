@@ -16,6 +16,7 @@ from blind.second_rig.effect import Effect, Scene
 
 Floats = npt.NDArray[np.float64]
 
+_SETTLED = 1.4  # campaigns after which a linear drift of temperature is over
 COEFFICIENTS = ("alpha2", "alpha1", "a1", "a0", "b0")
 
 
@@ -106,11 +107,7 @@ def _input(effects: Sequence[Effect], pressure: Floats, times: Floats) -> Floats
         if size == 0.0:
             continue
         if effect.id == "thermal_drift":
-            ended = np.maximum(times, 0.0) / shape["length_s"]
-            if effect.form == "warming":
-                warmth = shape["time_s"] / shape["length_s"]
-                ended = np.expm1(-ended / warmth) / np.expm1(-1.0 / warmth)
-            moment = moment * (1.0 + shape["sign"] * size * ended)
+            moment = moment * (1.0 + shape["sign"] * size * _warmth(effect, times))
         elif effect.id == "tear":
             moment = moment * np.where(times >= shape["at_s"], 1.0 - size, 1.0)
         elif effect.id == "ballooning":
@@ -121,6 +118,16 @@ def _input(effects: Sequence[Effect], pressure: Floats, times: Floats) -> Floats
             wide = knee * np.logaddexp(0.0, (moment - threshold) / knee)
             moment = wide - knee * np.logaddexp(0.0, -threshold / knee)
     return np.asarray(moment, dtype=np.float64)
+
+
+def _warmth(effect: Effect, times: Floats) -> Floats:
+    """Return how warm it is: 0 at the start, 1 at the campaign's end, and some more afterwards."""
+    elapsed = np.maximum(times, 0.0) / effect.shape["length_s"]
+    if effect.form == "linear":
+        return np.minimum(elapsed, _SETTLED)
+    pace = effect.shape["length_s"] / effect.shape["time_s"]
+    warmth: Floats = np.expm1(-pace * elapsed) / np.expm1(-pace)
+    return warmth
 
 
 @njit(cache=True)

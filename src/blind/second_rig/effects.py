@@ -102,7 +102,7 @@ def _thermal_drift(rng: Rng, scene: Scene) -> Effect:
     form = pick(rng, "linear", "warming")
     shape = {"length_s": scene.length_s, "sign": sign(rng, 0.6)}
     if form == "warming":
-        shape["time_s"] = rng.uniform(1.0, 2.5) * scene.length_s
+        shape["time_s"] = rng.uniform(0.7, 1.2) * scene.length_s
     return Effect("thermal_drift", form, "change of gain over the campaign", 0.4, shape)
 
 

@@ -108,7 +108,7 @@ class Fixture:
 def draw_fixture(surroundings: dict[str, Any], top_deg: float, rng: Rng) -> Fixture:
     """Draw the known angles of a calibration: from below rest to beyond the largest angle."""
     settings = surroundings["calibration"]
-    low, high = -float(rng.integers(8, 13)), float(np.ceil(top_deg) + rng.integers(6, 12))
+    low, high = -float(rng.integers(11, 16)), float(np.ceil(top_deg) + rng.integers(8, 14))
     up = np.round(np.linspace(low, high, int(settings["angles"])) * 2.0) / 2.0
     visited = [*up, *up[::-1]] if int(settings["directions"]) == 2 else [*up]
     return Fixture(
