@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from blind import second_rig
 from blind.second_rig import EFFECTS, FOREIGN, NAME
 from blind.second_rig.bank import Core, bank
 from blind.second_rig.bench import draw_bench, draw_core, make_plan, off_core, scattered, scene_of
@@ -108,6 +111,17 @@ def test_an_effect_is_neutral_at_zero_small_when_small_and_as_large_as_asked(nam
         sized = ruler().sized(effect, 2.0)
         assert 0.0 < sized.amplitude < effect.limit
         assert ruler().size((sized,)) == pytest.approx(2.0, rel=0.02)
+
+
+def test_no_code_is_shared_with_what_is_judged() -> None:
+    sources = sorted(Path(second_rig.__file__).parent.glob("*.py"))
+    assert len(sources) > 10
+    for path in sources:
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                names.append(node.module or "")
+            assert not any(name.split(".")[0] == "spa_fo" for name in names), path
 
 
 def test_what_cannot_be_that_large_is_as_large_as_is_sensible() -> None:

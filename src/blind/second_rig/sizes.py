@@ -17,7 +17,7 @@ from blind.second_rig.timeline import play
 Floats = npt.NDArray[np.float64]
 
 _WITHIN = 0.01  # of the size asked
-_MOST_DEG = 84.0
+_LEAST_DEG, _MOST_DEG = -18.0, 84.0  # what the bench has room for
 _PROBE = 0.01  # relative change of pace
 
 
@@ -94,7 +94,7 @@ class Ruler:
         limit = effect.limit
         for _ in range(40):
             angle = self.angles((effect.sized(limit),))
-            if np.all(np.isfinite(angle)) and np.abs(angle).max() <= _MOST_DEG:
+            if np.isfinite(angle).all() and _LEAST_DEG <= angle.min() <= angle.max() <= _MOST_DEG:
                 break
             limit *= 0.85
         return limit
