@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blind.first_rig.foreign_effects import ALIENS, place
+from blind.first_rig.foreign_effects import FOREIGN_EFFECTS, place
 from spa_fo.virtual_rig import actuator as act
 from spa_fo.virtual_rig import converter as conv
 from spa_fo.virtual_rig import flex_sensor as flex
@@ -51,17 +51,29 @@ _Drawn = tuple[Callable[[float], object], float, float]
 _Form = Callable[[np.random.Generator], _Drawn]
 
 
-def draw_dose(effect: str, form: str, rng: np.random.Generator) -> Dose:
-    """Draw the secondary parameters of an effect, of the library or alien (which has one form).
+def draw_dose(effect: str, form: str, rng: np.random.Generator, trials: int) -> Dose:
+    """Draw the secondary parameters of an effect, of the library or foreign (which has one form).
+
+    Parameters
+    ----------
+    effect : str
+        Its name.
+    form : {"a", "b"}
+        Its functional form.
+    rng : numpy.random.Generator
+        Of the secondary parameters.
+    trials : int
+        How many the campaign has: what happens once happens in one of them.
 
     Raises
     ------
     KeyError
         No effect has this identifier, or the effect no such form.
     """
-    if effect in ALIENS:
-        return Dose(*ALIENS[effect].draw(rng), place)
-    make, typical, largest = FORMS[form][effect](rng)
+    if effect in FOREIGN_EFFECTS:
+        return Dose(*FOREIGN_EFFECTS[effect].draw(rng), place)
+    draw = FORMS[form][effect]
+    make, typical, largest = _single_jump(rng, trials) if draw is _single_jump else draw(rng)
     return Dose(make, typical, largest, lambda specimen, it: specimen.with_effect(effect, it))
 
 
@@ -179,7 +191,7 @@ def _sensor_slip(rng: np.random.Generator) -> _Drawn:
 def _mains_pickup(rng: np.random.Generator) -> _Drawn:
     off_hz = _sign(rng) * _log_uniform(rng, 0.02, 0.3)
     third = rng.uniform(0.0, 0.3)
-    return lambda x: conv.MainsPickup(x, 50.0 + off_hz, third), 4.0, 60.0
+    return lambda x: conv.MainsPickup(x, 50.0 + off_hz, third), 0.02, 0.15
 
 
 # --- second forms -------------------------------------------------------------------------------
@@ -256,15 +268,16 @@ def _duhem_reading(rng: np.random.Generator) -> _Drawn:
     return lambda x: second.DuhemReading(x, turn_deg), 2.0, turn_deg
 
 
-def _single_jump(rng: np.random.Generator) -> _Drawn:
-    sign, before_trial = _sign(rng), int(rng.integers(4, 12))
+def _single_jump(rng: np.random.Generator, trials: int = 14) -> _Drawn:
+    # Early in a campaign or late, but rather not at its ends.
+    sign, before_trial = _sign(rng), round(1 + (trials - 1) * rng.uniform(0.25, 0.8))
     return lambda x: second.SingleJump(sign * x, before_trial), 1.5, 15.0
 
 
 def _beating_pickup(rng: np.random.Generator) -> _Drawn:
     mains_hz = float(rng.choice([49.9, 60.0]) + rng.uniform(-0.05, 0.05))
     depth, beat_s = rng.uniform(0.3, 0.6), rng.uniform(6.0, 20.0)
-    return lambda x: second.BeatingPickup(x, mains_hz, depth, beat_s), 4.0, 60.0
+    return lambda x: second.BeatingPickup(x, mains_hz, depth, beat_s), 0.02, 0.15
 
 
 FORMS: Mapping[str, Mapping[str, _Form]] = {

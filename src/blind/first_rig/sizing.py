@@ -1,7 +1,7 @@
 """How large an effect is: against the noise floor, in the angle as logged.
 
-All of it runs on noise-free benches with coarse steps, without any scatter: two campaigns that
-differ in one effect differ by that effect alone.
+All of it runs without noise and without scatter: two campaigns that differ in one effect differ by
+that effect alone. Errors of the fixture are no noise: they are in both.
 """
 
 from __future__ import annotations
@@ -12,21 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from blind.first_rig.campaign import PRE_CALIBRATION_S, Plan, run_fixture
+from blind.first_rig.channel import Channel
 from blind.first_rig.doses import Dose
+from blind.first_rig.station import Station
 from spa_fo.virtual_rig.actuator import FractionalCore, ParameterShift
-from spa_fo.virtual_rig.actuators import CampaignPlan
 from spa_fo.virtual_rig.arrays import Array
-from spa_fo.virtual_rig.bench import Bench, Scatter, Specimen
-from spa_fo.virtual_rig.campaign_writer import (
-    PRE_CALIBRATION_S,
-    board_rate_hz,
-    fixture_angles,
-    schedule,
-    stream,
-)
+from spa_fo.virtual_rig.bench import Scatter, Specimen
+from spa_fo.virtual_rig.converter import Converter
 
 LARGEST_ANGLE_DEG = 85.0  # the fixture ends at 90°
-_STEPS_PER_SECOND = 200.0
+_COARSE = 400.0  # simulation steps a second
 _PACE = 0.005
 _CLOSE_ENOUGH = 0.02
 
@@ -39,36 +35,41 @@ class Reading:
     ----------
     angle_deg : ndarray (n,)
         Angles of all samples of all trials, through the first calibration.
-    deg_per_volt : ndarray (n,)
-        The calibration's slope at each.
+    step_deg : ndarray (n,)
+        Step of the converter at each.
     """
 
     angle_deg: Array
-    deg_per_volt: Array
+    step_deg: Array
 
 
 def exact_reading(
-    plan: CampaignPlan, seed: int, steps_per_second: float = _STEPS_PER_SECOND
+    plan: Plan, specimen: Specimen, steps_per_second: float = _COARSE
 ) -> Reading:
-    """Run a campaign without noise and without scatter; slips are those of the seed."""
-    specimen = replace(plan.specimen, scatter=Scatter())
-    bench = Bench(specimen, board_rate_hz(plan), PRE_CALIBRATION_S, steps_per_second)
-    curve = _calibrated(plan, bench)
-    volts = []
-    for trial in schedule(plan, seed):
-        bench.rest(trial.started_s)
-        bench.begin_trial(stream(plan, seed, trial.file))
-        command = trial.experiment.profile.sampled(plan.rate_hz)
-        volts.append(bench.drive_exactly(command)[2])
-    return curve(np.concatenate(volts))
+    """Run a campaign without noise and without scatter; slips are those that are drawn."""
+    around = plan.asked.surroundings
+    still = replace(specimen, scatter=Scatter())
+    station = Station(still, PRE_CALIBRATION_S, steps_per_second=steps_per_second)
+    direct = around.calibration.kind == "none"
+    channel = Channel(specimen.sensor.curve, Converter(bits=around.bits), direct)
+    read = _directly(channel) if direct else _calibrated(plan, station, channel)
+    volts = [
+        station.run_trial(
+            trial.started_s, trial.experiment.profile, around.sampling, plan.draws(trial)
+        ).volts
+        for trial in plan.schedule()
+    ]
+    return read(np.concatenate(volts))
 
 
-def _calibrated(plan: CampaignPlan, bench: Bench) -> Callable[[Array], Reading]:
+def _directly(channel: Channel) -> Callable[[Array], Reading]:
+    return lambda volts: Reading(channel.felt_deg(volts), np.full(volts.size, channel.step_deg))
+
+
+def _calibrated(plan: Plan, station: Station, channel: Channel) -> Callable[[Array], Reading]:
     """Calibrate as a reader would: the settled half of each dwell, up and down averaged."""
-    angle, still = fixture_angles(plan)
-    volts = bench.hold_exactly(angle)[2]
-    dwells = np.array(plan.calibration_deg)
-    settled = volts[still].reshape(dwells.size, -1)
+    dwells = plan.fixture("pre").said_deg
+    settled = run_fixture(plan, station, "pre", PRE_CALIBRATION_S).volts.reshape(dwells.size, -1)
     settled = settled[:, settled.shape[1] // 2 :].mean(axis=1)
     angles = np.unique(dwells)
     knots = np.array([settled[dwells == at].mean() for at in angles])
@@ -78,7 +79,8 @@ def _calibrated(plan: CampaignPlan, bench: Bench) -> Callable[[Array], Reading]:
     def read(at: Array) -> Reading:
         inside = np.clip(at, knots[0], knots[-1])
         steepness = np.asarray(slope(inside))
-        return Reading(np.asarray(curve(inside)) + steepness * (at - inside), steepness)
+        angle = np.asarray(curve(inside)) + steepness * (at - inside)
+        return Reading(angle, steepness * channel.converter.volts_per_count)
 
     return read
 
@@ -88,29 +90,28 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def noise_floor_deg(plan: CampaignPlan, seed: int) -> float:
+def noise_floor_deg(plan: Plan, specimen: Specimen) -> float:
     """RMS by which repeated trials differ from their expected mean, deg, to first order.
 
-    Scatter of gain, rest offset and pace, the converter's noise and its rounding, each by its own
-    sensitivity, over all samples of all trials.
+    Scatter of gain, rest angle and time scale, coloured and white noise, and the converter's
+    rounding, each by its own sensitivity, over all samples of all trials.
     """
-    return _floor(plan, seed, exact_reading(plan, seed))
+    return _floor(plan, specimen, exact_reading(plan, specimen))
 
 
-def _floor(plan: CampaignPlan, seed: int, plain: Reading) -> float:
-    scatter = plan.specimen.scatter
-    converter = plan.specimen.acquisition.converter
-    core = plan.specimen.actuator.core
-    faster = _with_core(plan, at_pace(core, 1.0 + _PACE))
-    by_pace = (exact_reading(faster, seed).angle_deg - plain.angle_deg) / _PACE
-    noise = np.hypot(converter.noise_counts, np.sqrt(1.0 / 12.0)) * converter.volts_per_count
+def _floor(plan: Plan, specimen: Specimen, plain: Reading) -> float:
+    noise, scatter = plan.asked.surroundings.noise, specimen.scatter
+    faster = with_core(specimen, at_pace(specimen.actuator.core, 1.0 + _PACE))
+    by_pace = (exact_reading(plan, faster).angle_deg - plain.angle_deg) / _PACE
     parts = (
-        scatter.gain * plain.angle_deg,
-        np.full_like(plain.angle_deg, scatter.offset_deg),
-        scatter.pace * by_pace,
-        noise * plain.deg_per_volt,
+        scatter.gain * rms(plain.angle_deg),
+        scatter.offset_deg,
+        scatter.pace * rms(by_pace),
+        noise.coloured_deg,
+        noise.white_deg,
+        rms(plain.step_deg) / np.sqrt(12.0),
     )
-    return float(np.sqrt(sum(np.mean(part**2) for part in parts)))
+    return float(np.sqrt(sum(part**2 for part in parts)))
 
 
 def at_pace(core: FractionalCore, pace: float) -> FractionalCore:
@@ -120,9 +121,9 @@ def at_pace(core: FractionalCore, pace: float) -> FractionalCore:
     ).shifted(core)
 
 
-def _with_core(plan: CampaignPlan, core: FractionalCore) -> CampaignPlan:
-    actuator = replace(plan.specimen.actuator, core=core)
-    return replace(plan, specimen=replace(plan.specimen, actuator=actuator))
+def with_core(specimen: Specimen, core: FractionalCore) -> Specimen:
+    """Give the same specimen with another core."""
+    return replace(specimen, actuator=replace(specimen.actuator, core=core))
 
 
 @dataclass(frozen=True)
@@ -138,21 +139,21 @@ class Scale:
 
     Parameters
     ----------
-    plan : CampaignPlan
-        The campaign, its specimen without the effect.
-    seed : int
-        Seed of the campaign.
+    plan : Plan
+        The campaign.
+    bare : Specimen
+        The specimen without any effect.
     """
 
-    def __init__(self, plan: CampaignPlan, seed: int) -> None:
+    def __init__(self, plan: Plan, bare: Specimen) -> None:
         self._plan = plan
-        self._seed = seed
-        self._plain = exact_reading(plan, seed)
-        self.floor_deg = _floor(plan, seed, self._plain)
+        self._bare = bare
+        self._plain = exact_reading(plan, bare)
+        self.floor_deg = _floor(plan, bare, self._plain)
 
     def weigh(self, specimen: Specimen) -> tuple[float, bool]:
         """Size of what this specimen does otherwise; and whether it keeps within the fixture."""
-        angle = exact_reading(replace(self._plan, specimen=specimen), self._seed).angle_deg
+        angle = exact_reading(self._plan, specimen).angle_deg
         keeps = bool(np.all(np.isfinite(angle)) and angle.max() <= LARGEST_ANGLE_DEG)
         return rms(angle - self._plain.angle_deg) / self.floor_deg, keeps
 
@@ -163,7 +164,7 @@ class Scale:
         """
 
         def weigh(amplitude: float) -> tuple[float, bool]:
-            reached, keeps = self.weigh(dose.given_to(self._plan.specimen, amplitude))
+            reached, keeps = self.weigh(dose.given_to(self._bare, amplitude))
             if keeps and besides is not None:
                 keeps = self.weigh(dose.given_to(besides, amplitude))[1]
             return reached, keeps
