@@ -19,8 +19,7 @@ from blind.first_rig.station import Exact, Fixture, Station, TrialDraws, draw_fi
 from spa_fo.virtual_rig.actuators import REFERENCE_KPA, Experiment
 from spa_fo.virtual_rig.bench import Specimen
 
-PRE_CALIBRATION_S = -600.0
-_POST_CALIBRATION_S = 300.0  # after the last trial
+_CALIBRATION_S = 120.0  # before the first trial, or after the last one
 _REST_S = (35.0, 60.0)
 
 
@@ -103,12 +102,17 @@ class Plan:
             started_s = round(trials[-1].ends_s + rest_s * rng.uniform(1.0, 4.0 / 3.0), 1)
         return trials
 
+    @property
+    def pre_calibration_s(self) -> float:
+        """When the sensor is calibrated first, or would be."""
+        return -round(self.fixture("pre").duration_s + _CALIBRATION_S, 1)
+
     def post_calibration_s(self) -> float | None:
         """When the sensor is calibrated again; None if it is not."""
         kind = self.asked.surroundings.calibration.kind
         if kind != "before_and_after" or self.continues is not None:
             return None
-        return round(self.schedule()[-1].ends_s + _POST_CALIBRATION_S, 1)
+        return round(self.schedule()[-1].ends_s + _CALIBRATION_S, 1)
 
     def free_s(self) -> float:
         """When everything of it is over."""
@@ -119,12 +123,12 @@ class Plan:
 
 
 class Recorder:
-    """Runs campaigns one after the other on one bench, calibrated once at the start.
+    """Runs a campaign, and what continues it, on one bench that is calibrated at the start.
 
     Parameters
     ----------
-    asked : Asked
-        Surroundings.
+    first : Plan
+        The campaign.
     specimen : Specimen
         What is mounted.
     board, trials : SpaRigFormat, LogFormat
@@ -132,23 +136,20 @@ class Recorder:
     """
 
     def __init__(
-        self, asked: Asked, specimen: Specimen, board: SpaRigFormat, trials: LogFormat
+        self, first: Plan, specimen: Specimen, board: SpaRigFormat, trials: LogFormat
     ) -> None:
-        self._asked = asked
+        self._asked = asked = first.asked
+        self._first = first
         self._board = board
         self._trials = trials
         direct = asked.surroundings.calibration.kind == "none"
         self._channel = Channel(specimen.sensor.curve, board.converter, direct)
-        self._station = Station(specimen, PRE_CALIBRATION_S, trials.pressure_lag_s)
-        self._pre: bytes | None = None
+        self._station = Station(specimen, first.pre_calibration_s, trials.pressure_lag_s)
+        self._pre = None if direct else self._calibrate(first, "pre", first.pre_calibration_s)
 
     def run(self, plan: Plan) -> dict[str, bytes]:
-        """Run a campaign: every file of its folder by its relative name."""
-        files = {}
-        if self._asked.surroundings.calibration.kind != "none":
-            if self._pre is None:
-                self._pre = self._calibrate(plan, "pre", PRE_CALIBRATION_S)
-            files["calibration/pre.log"] = self._pre
+        """Run one of them: every file of its folder by its relative name."""
+        files = {} if self._pre is None else {"calibration/pre.log": self._pre}
         for trial in plan.schedule():
             files[f"{trial.name}.{self._trials.suffix}"] = self._record(plan, trial)
         post_s = plan.post_calibration_s()
@@ -191,7 +192,7 @@ class Recorder:
         }
 
     def _tail(self, plan: Plan, files: Mapping[str, bytes]) -> dict[str, Any]:
-        started_s = {"pre": PRE_CALIBRATION_S, "post": plan.post_calibration_s()}
+        started_s = {"pre": self._first.pre_calibration_s, "post": plan.post_calibration_s()}
         calibration = [
             {"file": name, "started_s": started}
             for which, started in started_s.items()

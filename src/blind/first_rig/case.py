@@ -33,7 +33,7 @@ from spa_fo.virtual_rig.flex_sensor import DividerCurve, FlexSensor
 from spa_fo.virtual_rig.syringe_pump import SyringePump
 
 _BOW = (-0.05, -0.01)  # a film that even three angles calibrate to about 0.2°
-_PAUSE_S = (600.0, 1200.0)  # before the campaign that follows
+_PAUSE_S = (200.0, 600.0)  # before the campaign that follows
 _ORDER_ERROR = 0.2  # orders are known so much better than the other coefficients
 
 
@@ -90,7 +90,7 @@ class Case:
         self.bare = draw_specimen(asked)
         self.plan = Plan(asked, "campaign", draw_programme(asked, self.core))
         self._form = "ab"[int(asked.stream("form").integers(2))]
-        self._scale = Scale(self.plan, self.bare)
+        self._scale = Scale(self.bare, self.plan, self.later())
         self.specimen, self._given = self._affected()
 
     @property
@@ -100,7 +100,8 @@ class Case:
 
     def _affected(self) -> tuple[Specimen, tuple[_Given, ...]]:
         """Give the specimen its effects, each in its size."""
-        specimen, given = self.bare, []
+        specimen = self.bare
+        given: list[_Given] = []
         trials = len(self.plan.programme.order)
         for effect, size in zip(self.asked.effects, self.asked.sizes, strict=True):
             dose = draw_dose(effect, self._form, self.asked.stream(effect), trials)
@@ -111,13 +112,11 @@ class Case:
 
     def campaigns(self) -> dict[str, dict[str, bytes]]:
         """Every file of every campaign, by folder and relative name."""
-        campaigns = {}
-        recorder = self._recorder(self.specimen)
-        for plan in (self.plan, self.later()):
-            campaigns[plan.folder] = recorder.run(plan)
+        recorder = self._recorder(self.plan, self.specimen)
+        campaigns = {plan.folder: recorder.run(plan) for plan in (self.plan, self.later())}
         if self.asked.model == "earlier":
             plan = Plan(self.asked, "earlier", draw_earlier(self.asked, self.core))
-            campaigns[plan.folder] = self._recorder(self.bare).run(plan)
+            campaigns[plan.folder] = self._recorder(plan, self.bare).run(plan)
         return campaigns
 
     def later(self) -> Plan:
@@ -132,10 +131,10 @@ class Case:
             first_s=round(self.plan.free_s() + pause_s, 1),
         )
 
-    def _recorder(self, specimen: Specimen) -> Recorder:
+    def _recorder(self, first: Plan, specimen: Specimen) -> Recorder:
         largest_kpa = pressure_for(self.core, draw_top_deg(self.asked))
         board = draw_board_format(self.asked, largest_kpa)
-        return Recorder(self.asked, specimen, board, draw_trial_format(self.asked, board))
+        return Recorder(first, specimen, board, draw_trial_format(self.asked, board))
 
     def model_core(self) -> FractionalCore:
         """Give the core of the model that is handed out: each coefficient wrong by its error."""
@@ -163,7 +162,7 @@ class Case:
             "sizes_reached": [given.sized.size for given in self._given],
             "joint_size": joint,
             "model_error_deg": self._model_error_deg() if self.asked.model == "off" else None,
-            "form": self._form if self._given else "none",
+            "form": {"no_effect": "none", "alien": "own"}.get(self.asked.kind, self._form),
             "parameters": {
                 given.effect: asdict(given.dose.make(given.sized.amplitude))  # type: ignore[call-overload]
                 for given in self._given
@@ -174,9 +173,8 @@ class Case:
 
     def _model_error_deg(self) -> float:
         """RMS by which the given model differs from the bare core in the campaign."""
-        return self._scale.floor_deg * self._scale.weigh(
-            with_core(self.bare, self.model_core())
-        )[0]
+        size, _ = self._scale.weigh(with_core(self.bare, self.model_core()))
+        return size * self._scale.floor_deg
 
 
 def draw_specimen(asked: Asked) -> Specimen:

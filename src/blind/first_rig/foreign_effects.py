@@ -210,8 +210,8 @@ def _ripple(rng: np.random.Generator) -> tuple[Callable[[float], object], float,
 
 
 def _sag(rng: np.random.Generator) -> tuple[Callable[[float], object], float, float]:
-    smoothing = rng.uniform(0.05, 0.3)
-    return lambda x: ReferenceSag(x, smoothing), 1e-3, 0.05
+    smoothing = rng.uniform(0.15, 0.5)
+    return lambda x: ReferenceSag(x, smoothing), 1e-3, 0.02
 
 
 FOREIGN_EFFECTS: Mapping[str, ForeignEffect] = {
@@ -232,7 +232,9 @@ FOREIGN_EFFECTS: Mapping[str, ForeignEffect] = {
     "snap_through": ForeignEffect(
         _snap_through, (), "no effect of the library raises the gain beyond a threshold"
     ),
-    "reference_sag": ForeignEffect(_sag, (), "no effect of the library moves the reading with the flow"),
+    "reference_sag": ForeignEffect(
+        _sag, (), "no effect of the library moves the reading with the flow"
+    ),
     "command_crosstalk": ForeignEffect(
         lambda rng: (_either_sign(rng, CommandCrosstalk), 4e-4, 0.005),
         (),

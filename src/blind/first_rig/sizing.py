@@ -6,13 +6,13 @@ that effect alone. Errors of the fixture are no noise: they are in both.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from blind.first_rig.campaign import PRE_CALIBRATION_S, Plan, run_fixture
+from blind.first_rig.campaign import Plan, run_fixture
 from blind.first_rig.channel import Channel
 from blind.first_rig.doses import Dose
 from blind.first_rig.station import Station
@@ -22,44 +22,68 @@ from spa_fo.virtual_rig.bench import Scatter, Specimen
 from spa_fo.virtual_rig.converter import Converter
 
 LARGEST_ANGLE_DEG = 85.0  # the fixture ends at 90°
-_COARSE = 400.0  # simulation steps a second
+# It begins at 0°: no larger share of a trial may lie below an angle, or no one would read it.
+_BELOW = ((-18.0, 0.005), (-6.0, 0.2))
 _PACE = 0.005
 _CLOSE_ENOUGH = 0.02
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A whole campaign as it would be logged without noise.
+    """A trial as it would be logged without noise.
 
     Parameters
     ----------
     angle_deg : ndarray (n,)
-        Angles of all samples of all trials, through the first calibration.
+        Angle of each sample, through the first calibration.
     step_deg : ndarray (n,)
-        Step of the converter at each.
+        Step of the converter there.
     """
 
     angle_deg: Array
     step_deg: Array
 
+    @property
+    def readable(self) -> bool:
+        """Whether it keeps within what the fixture can calibrate."""
+        angle = self.angle_deg
+        if not np.all(np.isfinite(angle)) or angle.max() > LARGEST_ANGLE_DEG:
+            return False
+        return all(np.mean(angle < limit) <= share for limit, share in _BELOW)
 
-def exact_reading(
-    plan: Plan, specimen: Specimen, steps_per_second: float = _COARSE
-) -> Reading:
-    """Run a campaign without noise and without scatter; slips are those that are drawn."""
+
+def exact_readings(specimen: Specimen, plan: Plan, *later: Plan) -> list[Reading]:
+    """Run a campaign, and what continues it, without noise and scatter; slips are as drawn.
+
+    Returns
+    -------
+    list of Reading
+        Of each trial in the order they are run.
+    """
     around = plan.asked.surroundings
     still = replace(specimen, scatter=Scatter())
-    station = Station(still, PRE_CALIBRATION_S, steps_per_second=steps_per_second)
+    station = Station(still, plan.pre_calibration_s)
     direct = around.calibration.kind == "none"
     channel = Channel(specimen.sensor.curve, Converter(bits=around.bits), direct)
     read = _directly(channel) if direct else _calibrated(plan, station, channel)
-    volts = [
-        station.run_trial(
-            trial.started_s, trial.experiment.profile, around.sampling, plan.draws(trial)
-        ).volts
-        for trial in plan.schedule()
+    return [
+        read(
+            station.run_trial(
+                trial.started_s, trial.experiment.profile, around.sampling, part.draws(trial)
+            ).volts
+        )
+        for part in (plan, *later)
+        for trial in part.schedule()
     ]
-    return read(np.concatenate(volts))
+
+
+def exact_angles(specimen: Specimen, plan: Plan) -> Array:
+    """Angles of all samples of all trials of a campaign, run as `exact_readings` does."""
+    return _angles(exact_readings(specimen, plan))
+
+
+def _angles(readings: Sequence[Reading]) -> Array:
+    return np.concatenate([reading.angle_deg for reading in readings])
 
 
 def _directly(channel: Channel) -> Callable[[Array], Reading]:
@@ -69,7 +93,9 @@ def _directly(channel: Channel) -> Callable[[Array], Reading]:
 def _calibrated(plan: Plan, station: Station, channel: Channel) -> Callable[[Array], Reading]:
     """Calibrate as a reader would: the settled half of each dwell, up and down averaged."""
     dwells = plan.fixture("pre").said_deg
-    settled = run_fixture(plan, station, "pre", PRE_CALIBRATION_S).volts.reshape(dwells.size, -1)
+    settled = run_fixture(plan, station, "pre", plan.pre_calibration_s).volts.reshape(
+        dwells.size, -1
+    )
     settled = settled[:, settled.shape[1] // 2 :].mean(axis=1)
     angles = np.unique(dwells)
     knots = np.array([settled[dwells == at].mean() for at in angles])
@@ -90,26 +116,23 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def noise_floor_deg(plan: Plan, specimen: Specimen) -> float:
+def noise_floor_deg(specimen: Specimen, plan: Plan) -> float:
     """RMS by which repeated trials differ from their expected mean, deg, to first order.
 
     Scatter of gain, rest angle and time scale, coloured and white noise, and the converter's
     rounding, each by its own sensitivity, over all samples of all trials.
     """
-    return _floor(plan, specimen, exact_reading(plan, specimen))
-
-
-def _floor(plan: Plan, specimen: Specimen, plain: Reading) -> float:
     noise, scatter = plan.asked.surroundings.noise, specimen.scatter
+    plain = exact_readings(specimen, plan)
     faster = with_core(specimen, at_pace(specimen.actuator.core, 1.0 + _PACE))
-    by_pace = (exact_reading(plan, faster).angle_deg - plain.angle_deg) / _PACE
+    by_pace = (exact_angles(faster, plan) - _angles(plain)) / _PACE
     parts = (
-        scatter.gain * rms(plain.angle_deg),
+        scatter.gain * rms(_angles(plain)),
         scatter.offset_deg,
         scatter.pace * rms(by_pace),
         noise.coloured_deg,
         noise.white_deg,
-        rms(plain.step_deg) / np.sqrt(12.0),
+        rms(np.concatenate([reading.step_deg for reading in plain])) / np.sqrt(12.0),
     )
     return float(np.sqrt(sum(part**2 for part in parts)))
 
@@ -139,28 +162,31 @@ class Scale:
 
     Parameters
     ----------
-    plan : Plan
-        The campaign.
     bare : Specimen
         The specimen without any effect.
+    plan : Plan
+        The campaign.
+    later : Plan
+        What continues it: that has to be readable as well.
     """
 
-    def __init__(self, plan: Plan, bare: Specimen) -> None:
-        self._plan = plan
+    def __init__(self, bare: Specimen, plan: Plan, later: Plan) -> None:
         self._bare = bare
-        self._plain = exact_reading(plan, bare)
-        self.floor_deg = _floor(plan, bare, self._plain)
+        self._plan = plan
+        self._later = later
+        self._plain_deg = exact_angles(bare, plan)
+        self.floor_deg = noise_floor_deg(bare, plan)
 
     def weigh(self, specimen: Specimen) -> tuple[float, bool]:
-        """Size of what this specimen does otherwise; and whether it keeps within the fixture."""
-        angle = exact_reading(self._plan, specimen).angle_deg
-        keeps = bool(np.all(np.isfinite(angle)) and angle.max() <= LARGEST_ANGLE_DEG)
-        return rms(angle - self._plain.angle_deg) / self.floor_deg, keeps
+        """Size of what this specimen does otherwise; and whether all of it can be read."""
+        readings = exact_readings(specimen, self._plan, self._later)
+        change = _angles(readings)[: self._plain_deg.size] - self._plain_deg
+        return rms(change) / self.floor_deg, all(reading.readable for reading in readings)
 
     def amplitude_for(self, dose: Dose, size: float, besides: Specimen | None = None) -> Sized:
         """Find the amplitude that has this size; the largest sensible one where none has.
 
-        A specimen with another effect, `besides`, has to keep within the fixture as well.
+        A specimen with another effect, `besides`, has to be readable as well.
         """
 
         def weigh(amplitude: float) -> tuple[float, bool]:

@@ -12,8 +12,7 @@ from spa_fo.virtual_rig.bench import Bench, Specimen
 from spa_fo.virtual_rig.protocols import Profile
 from spa_fo.virtual_rig.syringe_pump import LowPass
 
-FINE = 1000.0
-"""Simulation steps a second for what is written."""
+STEPS_PER_SECOND = 500.0  # a step of 60° is then within 0.015° RMS of the core's own response
 
 _MOVE_S = 2.0  # from one dwell of the fixture to the next
 _LATEST = 0.45  # a sample's largest error of time, as a share of the period
@@ -50,7 +49,7 @@ class Fixture:
     @property
     def starts_s(self) -> Array:
         """When each dwell starts."""
-        return np.arange(self.said_deg.size) * (_MOVE_S + self.dwell_s) + _MOVE_S
+        return np.asarray(np.arange(self.said_deg.size) * (_MOVE_S + self.dwell_s) + _MOVE_S)
 
     def angle_deg(self, time_s: Array) -> Array:
         """Where it stands at times from the first move, which starts where the first dwell is."""
@@ -96,22 +95,13 @@ class Station:
         Campaign time now, s.
     pressure_lag_s : float
         Time constant of the pressure sensor.
-    steps_per_second : float
-        How finely it runs.
     """
 
-    def __init__(
-        self,
-        specimen: Specimen,
-        starts_s: float,
-        pressure_lag_s: float = 0.0,
-        steps_per_second: float = FINE,
-    ) -> None:
+    def __init__(self, specimen: Specimen, starts_s: float, pressure_lag_s: float = 0.0) -> None:
         # What the wire picks up is too fast to be interpolated: it is added at the samples.
         self._pickup = specimen.acquisition.mains_pickup
         bare = specimen.with_effect("mains_pickup", None)
-        self._bench = Bench(bare, steps_per_second, starts_s, steps_per_second)
-        self._steps_per_second = steps_per_second
+        self._bench = Bench(bare, STEPS_PER_SECOND, starts_s, STEPS_PER_SECOND)
         self._pressure_lag = LowPass(pressure_lag_s) if pressure_lag_s > 0.0 else None
 
     def run_trial(
@@ -126,7 +116,7 @@ class Station:
         fine = held(command, time, self._grid(end_s))
         _, pressure, volts = self._bench.drive_exactly(fine)
         if self._pressure_lag is not None:
-            pressure = self._pressure_lag.begin(1.0 / self._steps_per_second)(pressure)
+            pressure = self._pressure_lag.begin(1.0 / STEPS_PER_SECOND)(pressure)
         return Exact(time, command, self._at(time, pressure), self._volts(started_s, time, volts))
 
     def run_fixture(
@@ -147,11 +137,11 @@ class Station:
         return Exact(time, said, self._at(time, pressure), self._volts(started_s, time, volts))
 
     def _grid(self, duration_s: float) -> Array:
-        """Ends of the simulation's steps."""
-        return np.arange(np.ceil(duration_s * self._steps_per_second) + 1) / self._steps_per_second
+        """List where the simulation's steps begin, and the last one's end."""
+        return np.arange(np.ceil(duration_s * STEPS_PER_SECOND) + 1) / STEPS_PER_SECOND
 
     def _at(self, time_s: Array, signal: Array) -> Array:
-        return np.asarray(np.interp(time_s * self._steps_per_second, np.arange(signal.size), signal))
+        return np.asarray(np.interp(time_s * STEPS_PER_SECOND, np.arange(signal.size), signal))
 
     def _volts(self, started_s: float, time_s: Array, volts: Array) -> Array:
         at_samples = self._at(time_s, volts)
