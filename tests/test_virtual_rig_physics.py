@@ -53,7 +53,7 @@ TYPICAL = {
     "sensor_hysteresis": flex.SensorHysteresis(2.0),
     "sensor_slip": flex.SensorSlip(1.5, 0.5),
     "channel_latency": conv.ChannelLatency(0.06),
-    "mains_pickup": conv.MainsPickup(4.0),
+    "mains_pickup": conv.MainsPickup(0.02),
 }
 
 
@@ -340,9 +340,9 @@ def test_latency_delays_the_flex_channel_alone():
 
 
 def test_pickup_is_periodic():
-    counts = conv.MainsPickup(4.0, 50.0, 0.0).counts(np.arange(100) / 1000.0)
-    np.testing.assert_allclose(counts[20:], counts[:-20], atol=1e-9)
-    assert counts.max() == pytest.approx(4.0)
+    volts = conv.MainsPickup(0.02, 50.0, 0.0).volts(np.arange(100) / 1000.0)
+    np.testing.assert_allclose(volts[20:], volts[:-20], atol=1e-9)
+    assert volts.max() == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.6, 2.0])

@@ -252,9 +252,9 @@ def test_a_moving_average_delays_a_ramp_by_half_its_window():
 
 
 def test_the_pickup_beats():
-    counts = second.BeatingPickup(4.0, 60.0, 0.5, 10.0).counts(np.arange(10_000) / 1000.0)
-    thirds = counts[2400:2600], counts[7400:7600]
-    assert [part.max() for part in thirds] == pytest.approx([6.0, 2.0], rel=0.01)
+    volts = second.BeatingPickup(0.02, 60.0, 0.5, 10.0).volts(np.arange(10_000) / 1000.0)
+    thirds = volts[2400:2600], volts[7400:7600]
+    assert [part.max() for part in thirds] == pytest.approx([0.03, 0.01], rel=0.01)
 
 
 # --- aliens -------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blind.first_rig.foreign_effects import ALIENS, place
+from blind.first_rig.foreign_effects import FOREIGN_EFFECTS, place
 from spa_fo.virtual_rig import actuator as act
 from spa_fo.virtual_rig import converter as conv
 from spa_fo.virtual_rig import flex_sensor as flex
@@ -31,7 +31,7 @@ class Dose:
     make : callable
         Makes the effect of an amplitude; the larger it is, the more the effect is felt.
     typical, largest : float
-        An amplitude of usual size, and the largest that is still sensible.
+        An amplitude of usual size, and the largest that is still physically sensible.
     place : callable
         Gives a specimen the effect.
     """
@@ -51,17 +51,29 @@ _Drawn = tuple[Callable[[float], object], float, float]
 _Form = Callable[[np.random.Generator], _Drawn]
 
 
-def draw_dose(effect: str, form: str, rng: np.random.Generator) -> Dose:
-    """Draw the secondary parameters of an effect, of the library or alien (which has one form).
+def draw_dose(effect: str, form: str, rng: np.random.Generator, trials: int) -> Dose:
+    """Draw the secondary parameters of an effect, of the library or foreign (which has one form).
+
+    Parameters
+    ----------
+    effect : str
+        Its name.
+    form : {"a", "b"}
+        Its functional form.
+    rng : numpy.random.Generator
+        Of the secondary parameters.
+    trials : int
+        How many the campaign has: what happens once happens in one of them.
 
     Raises
     ------
     KeyError
         No effect has this identifier, or the effect no such form.
     """
-    if effect in ALIENS:
-        return Dose(*ALIENS[effect].draw(rng), place)
-    make, typical, largest = FORMS[form][effect](rng)
+    if effect in FOREIGN_EFFECTS:
+        return Dose(*FOREIGN_EFFECTS[effect].draw(rng), place)
+    draw = FORMS[form][effect]
+    make, typical, largest = _single_jump(rng, trials) if draw is _single_jump else draw(rng)
     return Dose(make, typical, largest, lambda specimen, it: specimen.with_effect(effect, it))
 
 
@@ -78,7 +90,7 @@ def _sign(rng: np.random.Generator) -> float:
 
 def _supply_droop(rng: np.random.Generator) -> _Drawn:
     recovery_s = rng.uniform(1.2, 4.0)
-    return lambda x: pump.SupplyDroop(x, recovery_s), 0.08, 0.7
+    return lambda x: pump.SupplyDroop(x, recovery_s), 0.08, 0.5
 
 
 def _slew_limit(rng: np.random.Generator) -> _Drawn:
@@ -116,17 +128,17 @@ def _mullins_softening(
 def _creep(rng: np.random.Generator) -> _Drawn:
     pace = _log_uniform(rng, 0.6, 1.6)
     times_s = (3.0 * pace, 15.0 * pace, 75.0 * pace)
-    return lambda x: act.Creep(x, times_s), 0.02, 0.3
+    return lambda x: act.Creep(x, times_s), 0.02, 0.2
 
 
 def _hysteresis(rng: np.random.Generator) -> _Drawn:
     yield_deg = rng.uniform(12.0, 25.0)
-    return lambda x: act.Hysteresis(x, yield_deg), 2.0, 20.0
+    return lambda x: act.Hysteresis(x, yield_deg), 2.0, 15.0
 
 
 def _thermal_drift(rng: np.random.Generator) -> _Drawn:
     sign = _sign(rng)
-    return lambda x: act.ThermalDrift(float(np.expm1(sign * x))), 0.1, 1.5
+    return lambda x: act.ThermalDrift(float(np.expm1(sign * x))), 0.1, 1.0
 
 
 def _parameter_shift(rng: np.random.Generator) -> _Drawn:
@@ -165,7 +177,7 @@ def _sensor_saturation(
 
 def _sensor_creep(rng: np.random.Generator) -> _Drawn:
     times_s = (_log_uniform(rng, 1.5, 3.0), _log_uniform(rng, 15.0, 40.0))
-    return lambda x: flex.SensorCreep(x, times_s), 0.02, 0.4
+    return lambda x: flex.SensorCreep(x, times_s), 0.02, 0.25
 
 
 def _sensor_slip(rng: np.random.Generator) -> _Drawn:
@@ -179,7 +191,7 @@ def _sensor_slip(rng: np.random.Generator) -> _Drawn:
 def _mains_pickup(rng: np.random.Generator) -> _Drawn:
     off_hz = _sign(rng) * _log_uniform(rng, 0.02, 0.3)
     third = rng.uniform(0.0, 0.3)
-    return lambda x: conv.MainsPickup(x, 50.0 + off_hz, third), 4.0, 60.0
+    return lambda x: conv.MainsPickup(x, 50.0 + off_hz, third), 0.02, 0.15
 
 
 # --- second forms -------------------------------------------------------------------------------
@@ -227,7 +239,7 @@ def _power_creep(rng: np.random.Generator) -> _Drawn:
 
 def _stop_hysteresis(rng: np.random.Generator) -> _Drawn:
     yield_deg = rng.uniform(8.0, 18.0)
-    return lambda x: moments.StopHysteresis(x, yield_deg), 2.0, 20.0
+    return lambda x: moments.StopHysteresis(x, yield_deg), 2.0, 15.0
 
 
 def _warming(rng: np.random.Generator) -> _Drawn:
@@ -256,21 +268,22 @@ def _duhem_reading(rng: np.random.Generator) -> _Drawn:
     return lambda x: second.DuhemReading(x, turn_deg), 2.0, turn_deg
 
 
-def _single_jump(rng: np.random.Generator) -> _Drawn:
-    sign, before_trial = _sign(rng), int(rng.integers(4, 12))
+def _single_jump(rng: np.random.Generator, trials: int = 14) -> _Drawn:
+    # Early in a campaign or late, but rather not at its ends.
+    sign, before_trial = _sign(rng), round(1 + (trials - 1) * rng.uniform(0.25, 0.8))
     return lambda x: second.SingleJump(sign * x, before_trial), 1.5, 15.0
 
 
 def _beating_pickup(rng: np.random.Generator) -> _Drawn:
     mains_hz = float(rng.choice([49.9, 60.0]) + rng.uniform(-0.05, 0.05))
     depth, beat_s = rng.uniform(0.3, 0.6), rng.uniform(6.0, 20.0)
-    return lambda x: second.BeatingPickup(x, mains_hz, depth, beat_s), 4.0, 60.0
+    return lambda x: second.BeatingPickup(x, mains_hz, depth, beat_s), 0.02, 0.15
 
 
 FORMS: Mapping[str, Mapping[str, _Form]] = {
     "a": {
         "dead_time": lambda _: (pump.DeadTime, 0.08, 1.0),
-        "line_lag": lambda _: (pump.LineLag, 0.15, 2.0),
+        "line_lag": lambda _: (pump.LineLag, 0.15, 1.5),
         "supply_droop": _supply_droop,
         "leak": lambda _: (pump.Leak, 0.004, 0.1),
         "slew_limit": _slew_limit,
@@ -285,16 +298,16 @@ FORMS: Mapping[str, Mapping[str, _Form]] = {
         "parameter_shift": _parameter_shift,
         "sensor_nonlinearity": _sensor_nonlinearity,
         "sensor_saturation": _sensor_saturation,
-        "sensor_lag": lambda _: (flex.SensorLag, 0.1, 2.0),
+        "sensor_lag": lambda _: (flex.SensorLag, 0.1, 1.5),
         "sensor_creep": _sensor_creep,
-        "sensor_hysteresis": lambda _: (flex.SensorHysteresis, 2.0, 25.0),
+        "sensor_hysteresis": lambda _: (flex.SensorHysteresis, 2.0, 20.0),
         "sensor_slip": _sensor_slip,
         "channel_latency": lambda _: (conv.ChannelLatency, 0.06, 1.0),
         "mains_pickup": _mains_pickup,
     },
     "b": {
         "dead_time": lambda _: (second.PolledCommand, 0.08, 1.0),
-        "line_lag": lambda _: (second.DistributedLine, 0.15, 2.0),
+        "line_lag": lambda _: (second.DistributedLine, 0.15, 1.5),
         "supply_droop": _reservoir_droop,
         "leak": _regulated_leak,
         "slew_limit": _two_rate_slew,
@@ -309,7 +322,7 @@ FORMS: Mapping[str, Mapping[str, _Form]] = {
         "parameter_shift": _slower_casting,
         "sensor_nonlinearity": _curve_change,
         "sensor_saturation": _tanh_saturation,
-        "sensor_lag": lambda _: (pump.LowPass, 0.1, 2.0),
+        "sensor_lag": lambda _: (pump.LowPass, 0.1, 1.5),
         "sensor_creep": lambda _: (second.LogSensorCreep, 0.03, 0.5),
         "sensor_hysteresis": _duhem_reading,
         "sensor_slip": _single_jump,

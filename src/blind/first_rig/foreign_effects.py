@@ -1,7 +1,7 @@
 """Effects that no library holds: a diagnosis that meets one should say that it does not know.
 
 Which identifiers of the library would still be a fair answer was written down for each before any
-diagnosis was run (`ALIENS`): a physical equivalent, or one that points at the same part.
+diagnosis was run (`FOREIGN_EFFECTS`): a physical equivalent, or one that points at the same part.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ class SnapThrough:
 
 @dataclass(frozen=True)
 class ReferenceSag:
-    """The pump's current pulls the divider's supply down: counts lost per kPa/s of flow."""
+    """The pump's current pulls the divider's supply down: volts lost per kPa/s of flow."""
 
-    counts_per_kpa_s: float
+    volt_per_kpa_s: float
     smoothing_s: float = 0.15
 
     def begin(self, step_s: float) -> Callable[[Array, Array], Array]:
@@ -106,20 +106,20 @@ class ReferenceSag:
             nonlocal before
             rate = np.diff(pressure_kpa, prepend=before) / step_s
             before = float(pressure_kpa[-1])
-            return np.asarray(-self.counts_per_kpa_s * smooth(np.abs(rate)))
+            return np.asarray(-self.volt_per_kpa_s * smooth(np.abs(rate)))
 
         return advance
 
 
 @dataclass(frozen=True)
 class CommandCrosstalk:
-    """The wire of the pump's setpoint couples into the flex channel, counts per kPa."""
+    """The wire of the pump's setpoint couples into the flex channel, V per kPa."""
 
-    counts_per_kpa: float
+    volt_per_kpa: float
 
     def begin(self, step_s: float) -> Callable[[Array, Array], Array]:
         """Start at rest."""
-        return lambda command_kpa, _: self.counts_per_kpa * command_kpa
+        return lambda command_kpa, _: self.volt_per_kpa * command_kpa
 
 
 @dataclass(frozen=True)
@@ -153,8 +153,8 @@ class GainWander:
 
 
 @dataclass(frozen=True)
-class Alien:
-    """What is known of an alien effect beforehand.
+class ForeignEffect:
+    """What is known of a foreign effect beforehand.
 
     Parameters
     ----------
@@ -164,18 +164,15 @@ class Alien:
         Identifiers of the library that are a fair answer.
     why : str
         The reason in a line.
-    up_steps : bool
-        Whether a campaign of up-steps alone can show it.
     """
 
     draw: Callable[[np.random.Generator], tuple[Callable[[float], object], float, float]]
     equivalents: tuple[str, ...]
     why: str
-    up_steps: bool = True
 
 
 def place(specimen: Specimen, effect: object) -> Specimen:
-    """Give a specimen an alien effect, where it belongs."""
+    """Give a specimen a foreign effect, where it belongs."""
     pump, actuator, sensor = specimen.pump, specimen.actuator, specimen.sensor
     match effect:
         case CrackingPressure() | SlowExhaust() | PumpRipple():
@@ -191,7 +188,7 @@ def place(specimen: Specimen, effect: object) -> Specimen:
             acquisition = specimen.acquisition
             couplings = (*acquisition.couplings, effect)
             return replace(specimen, acquisition=replace(acquisition, couplings=couplings))
-    raise TypeError(f"{type(effect).__name__} is no alien effect")
+    raise TypeError(f"{type(effect).__name__} is no foreign effect")
 
 
 def _snap_through(
@@ -213,36 +210,37 @@ def _ripple(rng: np.random.Generator) -> tuple[Callable[[float], object], float,
 
 
 def _sag(rng: np.random.Generator) -> tuple[Callable[[float], object], float, float]:
-    smoothing = rng.uniform(0.05, 0.3)
-    return lambda x: ReferenceSag(x, smoothing), 0.2, 10.0
+    smoothing = rng.uniform(0.15, 0.5)
+    return lambda x: ReferenceSag(x, smoothing), 1e-3, 0.02
 
 
-ALIENS: Mapping[str, Alien] = {
-    "valve_cracking": Alien(
+FOREIGN_EFFECTS: Mapping[str, ForeignEffect] = {
+    "valve_cracking": ForeignEffect(
         lambda _: (CrackingPressure, 2.0, 20.0),
         ("drive_backlash",),
         "on every rise from rest play withholds the same pressure",
     ),
-    "slow_exhaust": Alien(
+    "slow_exhaust": ForeignEffect(
         lambda _: (SlowExhaust, 0.3, 5.0),
         ("line_lag", "slew_limit"),
         "the line follows late, if in one direction only",
-        up_steps=False,
     ),
-    "pump_ripple": Alien(_ripple, (), "nothing in the library swings the pressure"),
-    "quadratic_drag": Alien(
+    "pump_ripple": ForeignEffect(_ripple, (), "nothing in the library swings the pressure"),
+    "quadratic_drag": ForeignEffect(
         lambda _: (QuadraticDrag, 0.05, 5.0), (), "no effect of the library depends on the rate so"
     ),
-    "snap_through": Alien(
+    "snap_through": ForeignEffect(
         _snap_through, (), "no effect of the library raises the gain beyond a threshold"
     ),
-    "reference_sag": Alien(_sag, (), "no effect of the library moves the reading with the flow"),
-    "command_crosstalk": Alien(
-        lambda rng: (_either_sign(rng, CommandCrosstalk), 0.08, 2.0),
+    "reference_sag": ForeignEffect(
+        _sag, (), "no effect of the library moves the reading with the flow"
+    ),
+    "command_crosstalk": ForeignEffect(
+        lambda rng: (_either_sign(rng, CommandCrosstalk), 4e-4, 0.005),
         (),
         "no effect of the library moves the reading with the command",
     ),
-    "gain_wander": Alien(_wander, (), "no effect of the library is random within a trial"),
+    "gain_wander": ForeignEffect(_wander, (), "no effect of the library is random within a trial"),
 }
 
 

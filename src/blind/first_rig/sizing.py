@@ -1,74 +1,101 @@
 """How large an effect is: against the noise floor, in the angle as logged.
 
-All of it runs on noise-free benches with coarse steps, without any scatter: two campaigns that
-differ in one effect differ by that effect alone.
+All of it runs without noise and without scatter: two campaigns that differ in one effect differ by
+that effect alone. Errors of the fixture are no noise: they are in both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from blind.first_rig.campaign import Plan, run_fixture
+from blind.first_rig.channel import Channel
 from blind.first_rig.doses import Dose
+from blind.first_rig.station import Station
 from spa_fo.virtual_rig.actuator import FractionalCore, ParameterShift
-from spa_fo.virtual_rig.actuators import CampaignPlan
 from spa_fo.virtual_rig.arrays import Array
-from spa_fo.virtual_rig.bench import Bench, Scatter, Specimen
-from spa_fo.virtual_rig.campaign_writer import (
-    PRE_CALIBRATION_S,
-    board_rate_hz,
-    fixture_angles,
-    schedule,
-    stream,
-)
+from spa_fo.virtual_rig.bench import Scatter, Specimen
+from spa_fo.virtual_rig.converter import Converter
 
 LARGEST_ANGLE_DEG = 85.0  # the fixture ends at 90°
-_STEPS_PER_SECOND = 200.0
+# It begins at 0°: no larger share of a trial may lie below an angle, or no one would read it.
+_BELOW = ((-18.0, 0.005), (-6.0, 0.2))
 _PACE = 0.005
 _CLOSE_ENOUGH = 0.02
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A whole campaign as it would be logged without noise.
+    """A trial as it would be logged without noise.
 
     Parameters
     ----------
     angle_deg : ndarray (n,)
-        Angles of all samples of all trials, through the first calibration.
-    deg_per_volt : ndarray (n,)
-        The calibration's slope at each.
+        Angle of each sample, through the first calibration.
+    step_deg : ndarray (n,)
+        Step of the converter there.
     """
 
     angle_deg: Array
-    deg_per_volt: Array
+    step_deg: Array
+
+    @property
+    def readable(self) -> bool:
+        """Whether it keeps within what the fixture can calibrate."""
+        angle = self.angle_deg
+        if not np.all(np.isfinite(angle)) or angle.max() > LARGEST_ANGLE_DEG:
+            return False
+        return all(np.mean(angle < limit) <= share for limit, share in _BELOW)
 
 
-def exact_reading(
-    plan: CampaignPlan, seed: int, steps_per_second: float = _STEPS_PER_SECOND
-) -> Reading:
-    """Run a campaign without noise and without scatter; slips are those of the seed."""
-    specimen = replace(plan.specimen, scatter=Scatter())
-    bench = Bench(specimen, board_rate_hz(plan), PRE_CALIBRATION_S, steps_per_second)
-    curve = _calibrated(plan, bench)
-    volts = []
-    for trial in schedule(plan, seed):
-        bench.rest(trial.started_s)
-        bench.begin_trial(stream(plan, seed, trial.file))
-        command = trial.experiment.profile.sampled(plan.rate_hz)
-        volts.append(bench.drive_exactly(command)[2])
-    return curve(np.concatenate(volts))
+def exact_readings(specimen: Specimen, plan: Plan, *later: Plan) -> list[Reading]:
+    """Run a campaign, and what continues it, without noise and scatter; slips are as drawn.
+
+    Returns
+    -------
+    list of Reading
+        Of each trial in the order they are run.
+    """
+    around = plan.asked.surroundings
+    still = replace(specimen, scatter=Scatter())
+    station = Station(still, plan.pre_calibration_s)
+    direct = around.calibration.kind == "none"
+    channel = Channel(specimen.sensor.curve, Converter(bits=around.bits), direct)
+    read = _directly(channel) if direct else _calibrated(plan, station, channel)
+    return [
+        read(
+            station.run_trial(
+                trial.started_s, trial.experiment.profile, around.sampling, part.draws(trial)
+            ).volts
+        )
+        for part in (plan, *later)
+        for trial in part.schedule()
+    ]
 
 
-def _calibrated(plan: CampaignPlan, bench: Bench) -> Callable[[Array], Reading]:
+def exact_angles(specimen: Specimen, plan: Plan) -> Array:
+    """Angles of all samples of all trials of a campaign, run as `exact_readings` does."""
+    return _angles(exact_readings(specimen, plan))
+
+
+def _angles(readings: Sequence[Reading]) -> Array:
+    return np.concatenate([reading.angle_deg for reading in readings])
+
+
+def _directly(channel: Channel) -> Callable[[Array], Reading]:
+    return lambda volts: Reading(channel.felt_deg(volts), np.full(volts.size, channel.step_deg))
+
+
+def _calibrated(plan: Plan, station: Station, channel: Channel) -> Callable[[Array], Reading]:
     """Calibrate as a reader would: the settled half of each dwell, up and down averaged."""
-    angle, still = fixture_angles(plan)
-    volts = bench.hold_exactly(angle)[2]
-    dwells = np.array(plan.calibration_deg)
-    settled = volts[still].reshape(dwells.size, -1)
+    dwells = plan.fixture("pre").said_deg
+    settled = run_fixture(plan, station, "pre", plan.pre_calibration_s).volts.reshape(
+        dwells.size, -1
+    )
     settled = settled[:, settled.shape[1] // 2 :].mean(axis=1)
     angles = np.unique(dwells)
     knots = np.array([settled[dwells == at].mean() for at in angles])
@@ -78,7 +105,8 @@ def _calibrated(plan: CampaignPlan, bench: Bench) -> Callable[[Array], Reading]:
     def read(at: Array) -> Reading:
         inside = np.clip(at, knots[0], knots[-1])
         steepness = np.asarray(slope(inside))
-        return Reading(np.asarray(curve(inside)) + steepness * (at - inside), steepness)
+        angle = np.asarray(curve(inside)) + steepness * (at - inside)
+        return Reading(angle, steepness * channel.converter.volts_per_count)
 
     return read
 
@@ -88,29 +116,25 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def noise_floor_deg(plan: CampaignPlan, seed: int) -> float:
+def noise_floor_deg(specimen: Specimen, plan: Plan) -> float:
     """RMS by which repeated trials differ from their expected mean, deg, to first order.
 
-    Scatter of gain, rest offset and pace, the converter's noise and its rounding, each by its own
-    sensitivity, over all samples of all trials.
+    Scatter of gain, rest angle and time scale, coloured and white noise, and the converter's
+    rounding, each by its own sensitivity, over all samples of all trials.
     """
-    return _floor(plan, seed, exact_reading(plan, seed))
-
-
-def _floor(plan: CampaignPlan, seed: int, plain: Reading) -> float:
-    scatter = plan.specimen.scatter
-    converter = plan.specimen.acquisition.converter
-    core = plan.specimen.actuator.core
-    faster = _with_core(plan, at_pace(core, 1.0 + _PACE))
-    by_pace = (exact_reading(faster, seed).angle_deg - plain.angle_deg) / _PACE
-    noise = np.hypot(converter.noise_counts, np.sqrt(1.0 / 12.0)) * converter.volts_per_count
+    noise, scatter = plan.asked.surroundings.noise, specimen.scatter
+    plain = exact_readings(specimen, plan)
+    faster = with_core(specimen, at_pace(specimen.actuator.core, 1.0 + _PACE))
+    by_pace = (exact_angles(faster, plan) - _angles(plain)) / _PACE
     parts = (
-        scatter.gain * plain.angle_deg,
-        np.full_like(plain.angle_deg, scatter.offset_deg),
-        scatter.pace * by_pace,
-        noise * plain.deg_per_volt,
+        scatter.gain * rms(_angles(plain)),
+        scatter.offset_deg,
+        scatter.pace * rms(by_pace),
+        noise.coloured_deg,
+        noise.white_deg,
+        rms(np.concatenate([reading.step_deg for reading in plain])) / np.sqrt(12.0),
     )
-    return float(np.sqrt(sum(np.mean(part**2) for part in parts)))
+    return float(np.sqrt(sum(part**2 for part in parts)))
 
 
 def at_pace(core: FractionalCore, pace: float) -> FractionalCore:
@@ -120,9 +144,9 @@ def at_pace(core: FractionalCore, pace: float) -> FractionalCore:
     ).shifted(core)
 
 
-def _with_core(plan: CampaignPlan, core: FractionalCore) -> CampaignPlan:
-    actuator = replace(plan.specimen.actuator, core=core)
-    return replace(plan, specimen=replace(plan.specimen, actuator=actuator))
+def with_core(specimen: Specimen, core: FractionalCore) -> Specimen:
+    """Give the same specimen with another core."""
+    return replace(specimen, actuator=replace(specimen.actuator, core=core))
 
 
 @dataclass(frozen=True)
@@ -138,32 +162,35 @@ class Scale:
 
     Parameters
     ----------
-    plan : CampaignPlan
-        The campaign, its specimen without the effect.
-    seed : int
-        Seed of the campaign.
+    bare : Specimen
+        The specimen without any effect.
+    plan : Plan
+        The campaign.
+    later : Plan
+        What continues it: that has to be readable as well.
     """
 
-    def __init__(self, plan: CampaignPlan, seed: int) -> None:
+    def __init__(self, bare: Specimen, plan: Plan, later: Plan) -> None:
+        self._bare = bare
         self._plan = plan
-        self._seed = seed
-        self._plain = exact_reading(plan, seed)
-        self.floor_deg = _floor(plan, seed, self._plain)
+        self._later = later
+        self._plain_deg = exact_angles(bare, plan)
+        self.floor_deg = noise_floor_deg(bare, plan)
 
     def weigh(self, specimen: Specimen) -> tuple[float, bool]:
-        """Size of what this specimen does otherwise; and whether it keeps within the fixture."""
-        angle = exact_reading(replace(self._plan, specimen=specimen), self._seed).angle_deg
-        keeps = bool(np.all(np.isfinite(angle)) and angle.max() <= LARGEST_ANGLE_DEG)
-        return rms(angle - self._plain.angle_deg) / self.floor_deg, keeps
+        """Size of what this specimen does otherwise; and whether all of it can be read."""
+        readings = exact_readings(specimen, self._plan, self._later)
+        change = _angles(readings)[: self._plain_deg.size] - self._plain_deg
+        return rms(change) / self.floor_deg, all(reading.readable for reading in readings)
 
     def amplitude_for(self, dose: Dose, size: float, besides: Specimen | None = None) -> Sized:
         """Find the amplitude that has this size; the largest sensible one where none has.
 
-        A specimen with another effect, `besides`, has to keep within the fixture as well.
+        A specimen with another effect, `besides`, has to be readable as well.
         """
 
         def weigh(amplitude: float) -> tuple[float, bool]:
-            reached, keeps = self.weigh(dose.given_to(self._plan.specimen, amplitude))
+            reached, keeps = self.weigh(dose.given_to(self._bare, amplitude))
             if keeps and besides is not None:
                 keeps = self.weigh(dose.given_to(besides, amplitude))[1]
             return reached, keeps

@@ -16,9 +16,5 @@ specimens, `campaign_writer` writes their campaigns.
 For the recorder the bench stands behind a board: `board` is the board's program, `faults` what may
 befall it, `pty_server` its serial port, and `serve` the command.
 
-For the blind benchmark every effect has a second form (`second_forms`, `second_moments`), and
-there are effects that no library holds (`alien_effects`). `doses` draws an effect, `sizing` finds
-the amplitude that makes it as large as is asked, `blind_build` makes a case of it, `blind_plan`
-says which cases there are, `blind_writer` writes them and seals their labels, `equivalents` says
-what else is a fair answer, and `blind_cases` is the command.
+Every effect has a second form for the blind benchmark (`second_forms`, `second_moments`).
 """

@@ -114,7 +114,6 @@ class Bench:
         self._actuator = specimen.actuator.begin(step_s, self.now_s)
         self._sensor = specimen.sensor.begin(step_s)
         self._flex_filter = chain([] if latency is None else [latency.begin(step_s)])
-        self._volts_per_count = specimen.acquisition.converter.volts_per_count
         self._couplings = [it.begin(step_s) for it in specimen.acquisition.couplings]
         self._pressure_kpa = self._flex_volts = 0.0
         self.rest(starts_s)
@@ -190,7 +189,7 @@ class Bench:
             volts = self._sensor.in_fixture(np.repeat(fixture_deg, self._steps))
         volts = self._flex_filter(volts)
         for coupling in self._couplings:
-            volts = volts + self._volts_per_count * coupling(command, pressure)
+            volts = volts + coupling(command, pressure)
         # The board samples at the start of a period: what the last one ended with.
         ends = slice(self._steps - 1, None, self._steps)
         pressure = np.append(self._pressure_kpa, pressure[ends])
@@ -206,7 +205,7 @@ class Bench:
         """Add what the flex channel's wire picks up."""
         pickup = self._specimen.acquisition.mains_pickup
         if pickup is not None:
-            flex_volts = flex_volts + self._volts_per_count * pickup.counts(time_s)
+            flex_volts = flex_volts + pickup.volts(time_s)
         return time_s, pressure_kpa, flex_volts
 
     def _read(

@@ -87,29 +87,29 @@ class MainsPickup:
     of a hertz beats slowly.
     """
 
-    amplitude_counts: float
+    amplitude_volt: float
     frequency_hz: float = 50.03
     third_harmonic: float = 0.2
 
-    def counts(self, time_s: Array) -> Array:
-        """Interference at campaign times, counts."""
+    def volts(self, time_s: Array) -> Array:
+        """Interference at campaign times."""
         phase = 2.0 * np.pi * self.frequency_hz * time_s
         wave = np.sin(phase) + self.third_harmonic * np.sin(3.0 * phase)
-        return np.asarray(self.amplitude_counts * wave)
+        return np.asarray(self.amplitude_volt * wave)
 
 
 class Pickup(Protocol):
     """Interference by campaign time."""
 
-    def counts(self, time_s: Array) -> Array:
-        """Interference at campaign times, counts."""
+    def volts(self, time_s: Array) -> Array:
+        """Interference at campaign times."""
 
 
 class Coupling(Protocol):
     """What the drive does to the flex channel's wire."""
 
     def begin(self, step_s: float) -> Callable[[Array, Array], Array]:
-        """Start at rest: commanded and true pressure in, counts out, every `step_s`."""
+        """Start at rest: commanded and true pressure in, volts out, every `step_s`."""
 
 
 @dataclass(frozen=True)

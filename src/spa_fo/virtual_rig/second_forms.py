@@ -281,24 +281,24 @@ class BeatingPickup:
 
     Parameters
     ----------
-    amplitude_counts : float
-        Mean amplitude, counts.
+    amplitude_volt : float
+        Mean amplitude.
     frequency_hz : float
         Mains frequency.
     depth, beat_s : float
         Relative change of the amplitude, and its period.
     """
 
-    amplitude_counts: float
+    amplitude_volt: float
     frequency_hz: float = 60.0
     depth: float = 0.5
     beat_s: float = 11.0
 
-    def counts(self, time_s: Array) -> Array:
-        """Interference at campaign times, counts."""
+    def volts(self, time_s: Array) -> Array:
+        """Interference at campaign times."""
         strength = 1.0 + self.depth * np.sin(2.0 * np.pi * time_s / self.beat_s)
         wave = np.sin(2.0 * np.pi * self.frequency_hz * time_s)
-        return np.asarray(self.amplitude_counts * strength * wave)
+        return np.asarray(self.amplitude_volt * strength * wave)
 
 
 # --- kernels ------------------------------------------------------------------------------------

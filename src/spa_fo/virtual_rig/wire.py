@@ -18,13 +18,13 @@ _LINE_ENDS = b"\r\n"
 
 
 def banner(
-    columns: str, rate_hz: int, board: str = "mega2560", converter: Converter | None = None
+    columns: str, rate_hz: float, board: str = "mega2560", converter: Converter | None = None
 ) -> bytes:
     """Compose the line a board sends after a reset, without its end."""
     converter = converter or Converter()
     return (
         f"# spa-rig 1 board={board} adc_bits={converter.bits} "
-        f"vref_mv={1000.0 * converter.reference_volt:.0f} rate_hz={rate_hz} columns={columns}"
+        f"vref_mv={1000.0 * converter.reference_volt:.0f} rate_hz={rate_hz:g} columns={columns}"
     ).encode("ascii")
 
 
