@@ -157,7 +157,7 @@ def test_every_mark_is_measured_in_every_class_the_worst_first() -> None:
         "sampling rate",
         "below 25 Hz",
     )
-    missed = [entry.target.shortfall(entry.estimate) for entry in classes]
+    missed = [entry.target.surely_missed_by(entry.estimate) for entry in classes]
     assert missed == sorted(missed, reverse=True)
 
 
@@ -168,7 +168,7 @@ def test_rigs_differ_by_what_their_intervals_do_not_explain() -> None:
     assert apart.target.reached(apart.estimate) is True
     other = quiet_and_alarms(100, 0) + quiet_and_alarms(70, 30, rig="second_rig")
     worst = mark(BETWEEN_RIGS.name, other)
-    assert worst.which == "no effect: false alarms: 0.300"
+    assert worst.which == "no effect: false alarms, 0.300 apart"
     assert 0.19 < worst.estimate.value < 0.25
     assert worst.target.reached(worst.estimate) is False
     alone = mark(BETWEEN_RIGS.name, quiet_and_alarms(100, 0))

@@ -54,7 +54,8 @@ class EffectScore:
     rates : mapping of str to Estimate
         Those it has cases for.
     worst : str
-        Name of its lowest rate.
+        Name of the rate that is lowest even at the upper end of its interval: one miss in one case
+        says less than ten in a hundred.
     mistaken_for : str
         Most frequent wrong first explanation of a sizeable effect; empty without any.
     smallest_found, smallest_named : mapping of str to float or None
@@ -73,7 +74,7 @@ class EffectScore:
 
     @property
     def worst_rate(self) -> float:
-        """Its lowest rate."""
+        """Its worst rate."""
         return self.rates[self.worst].value
 
 
@@ -86,7 +87,11 @@ def effect_scores(outcomes: Sequence[Outcome]) -> tuple[EffectScore, ...]:
             if outcome.truth.kind != "pair":
                 members.setdefault(row(outcome.truth), []).append(outcome)
         scores += [_effect_score(rig, effect, of_it) for effect, of_it in members.items()]
-    return tuple(sorted(scores, key=lambda score: (score.worst_rate, score.effect, score.rig)))
+    return tuple(sorted(scores, key=_badness))
+
+
+def _badness(score: EffectScore) -> tuple[float, float, str, str]:
+    return score.rates[score.worst].high, score.worst_rate, score.effect, score.rig
 
 
 def row(truth: Truth) -> str:
@@ -105,7 +110,7 @@ def _effect_score(rig: str, effect: str, outcomes: Sequence[Outcome]) -> EffectS
         effect=effect,
         cases=len(outcomes),
         rates=rates,
-        worst=min(rates, key=lambda name: (rates[name].value, rates[name].high)),
+        worst=min(rates, key=lambda name: (rates[name].high, rates[name].value)),
         mistaken_for=_mistaken_for(outcomes),
         smallest_found=smallest_sizes(outcomes, found, 1.0),
         smallest_named=smallest_sizes(outcomes, in_sets, 1.0),

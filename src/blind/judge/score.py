@@ -319,7 +319,7 @@ def _mark_document(mark: Mark | ClassMark) -> dict[str, Any]:
         "goal": mark.target.goal,
         "at_least": mark.target.at_least,
         "reached": mark.target.reached(mark.estimate),
-        "shortfall": mark.target.shortfall(mark.estimate),
+        "missed_beyond_interval": mark.target.surely_missed_by(mark.estimate) > 0.0,
         "estimate": asdict(mark.estimate),
     }
 

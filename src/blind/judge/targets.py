@@ -41,6 +41,10 @@ class Target:
         """Tell by how much the goal is missed; negative where it is not."""
         return self.goal - estimate.value if self.at_least else estimate.value - self.goal
 
+    def surely_missed_by(self, estimate: Estimate) -> float:
+        """Tell by how much the better end of the interval misses the goal."""
+        return self.goal - estimate.high if self.at_least else estimate.low - self.goal
+
     def measured(self, outcomes: Sequence[Outcome]) -> Estimate:
         """Measure the cases that it is about."""
         return MEASURES[self.measure]([o for o in outcomes if self.group(o.truth)])
@@ -97,8 +101,9 @@ UNKNOWN_RATE = _at_most(0.08, f"{_LARGE}: unknown", rich_large, "unknown")
 WRONG_NAMES = _at_most(
     0.03, "effect in the library: wrong confident name", cases("closed"), "wrong_name"
 )
+IN_SETS = _at_least(0.92, f"{_LARGE}: truth in the sets", rich_large, "in_sets")
 _BY_NAME = (
-    _at_least(0.92, f"{_LARGE}: truth in the sets", rich_large, "in_sets"),
+    IN_SETS,
     _at_least(0.90, f"{_LARGE}: most probable is right", rich_large, "right_first"),
     _at_most(1.3, f"{_LARGE}: sets on average", rich_large, "sets"),
     UNKNOWN_RATE,
@@ -154,7 +159,10 @@ def by_rig(outcomes: Sequence[Outcome]) -> dict[str, list[Outcome]]:
 
 
 def class_marks(outcomes: Sequence[Outcome]) -> tuple[ClassMark, ...]:
-    """Hold every target against each class of surroundings on each rig, the worst first."""
+    """Hold every target against each class of surroundings on each rig, the worst first.
+
+    Those come first whose goal is missed most even at the better end of the interval.
+    """
     found = [
         ClassMark(rig, target, dimension.name, name, estimate)
         for rig, own in by_rig(outcomes).items()
@@ -163,9 +171,7 @@ def class_marks(outcomes: Sequence[Outcome]) -> tuple[ClassMark, ...]:
         for target in TARGETS
         if (estimate := target.measured(members)).n
     ]
-    return tuple(
-        sorted(found, key=lambda mark: (-mark.target.shortfall(mark.estimate), -mark.estimate.n))
-    )
+    return tuple(sorted(found, key=lambda mark: -mark.target.surely_missed_by(mark.estimate)))
 
 
 def _of_rig(rig: str, outcomes: Sequence[Outcome], classes: Sequence[ClassMark]) -> Iterator[Mark]:
@@ -177,10 +183,11 @@ def _of_rig(rig: str, outcomes: Sequence[Outcome], classes: Sequence[ClassMark])
 
 def _worst_class(classes: Sequence[ClassMark], rig: str) -> Mark:
     """Find the class of surroundings with most false alarms among those with enough cases."""
-    for mark in classes:
-        if mark.target == FALSE_ALARMS and mark.estimate.n >= ENOUGH:
-            return Mark(rig, WORST_CLASS, mark.estimate, f"{mark.dimension}: {mark.name}")
-    return Mark(rig, WORST_CLASS, nothing())
+    enough = [m for m in classes if m.target == FALSE_ALARMS and m.estimate.n >= ENOUGH]
+    if not enough:
+        return Mark(rig, WORST_CLASS, nothing())
+    worst = max(enough, key=lambda mark: (mark.estimate.value, mark.estimate.n))
+    return Mark(rig, WORST_CLASS, worst.estimate, f"{worst.dimension}: {worst.name}")
 
 
 def _between_rigs(found: Sequence[Mark]) -> Mark:
@@ -194,4 +201,4 @@ def _between_rigs(found: Sequence[Mark]) -> Mark:
         return Mark(BOTH_RIGS, BETWEEN_RIGS, nothing())
     name, worst = max(apart, key=lambda entry: (entry[1].low, entry[1].value))
     beyond = Estimate(worst.low, worst.low, worst.high, worst.n)
-    return Mark(BOTH_RIGS, BETWEEN_RIGS, beyond, f"{name}: {worst.value:.3f}")
+    return Mark(BOTH_RIGS, BETWEEN_RIGS, beyond, f"{name}, {worst.value:.3f} apart")
