@@ -9,12 +9,14 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
 PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
+BLIND_COST := (cost: see docs/blind.md)
+BLIND_SMALL_COST := (cost: see docs/blind.md)
 FIRMWARE_TOOLS := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev gcc libc6-dev
 SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
   -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce report docs audit blind real-data test firmware firmware-tools browser \
+.PHONY: help reproduce report docs audit blind blind-small real-data test firmware firmware-tools browser \
   slurm-tools scale references release format unlock lock
 
 help:
@@ -22,7 +24,8 @@ help:
 	@echo "make report      the results as one HTML file -> results/report.html"
 	@echo "make docs        the documentation site -> build/site/"
 	@echo "make audit       the audit of the paper -> docs/audit.md"
-	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (about an hour)"
+	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md $(BLIND_COST)"
+	@echo "make blind-small a part of it; fails where a mark falls short $(BLIND_SMALL_COST)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
 	@echo "make firmware    build the board's program, and a simulated board to run it on"
@@ -50,6 +53,10 @@ blind: $(INSTALLED)
 	$(BIN)/snakemake --cores $(CORES) blind
 	$(BIN)/python -m blind.report.document results/blind docs \
 	  --command "snakemake --cores $(CORES) blind"
+
+blind-small: $(INSTALLED)
+	$(BIN)/snakemake --cores $(CORES) --configfile tests/reduced/blind_small.yaml -- blind
+	$(BIN)/python -m blind.judge.check build/blind_small/blind/scores.json
 
 report: reproduce
 	$(BIN)/snakemake --cores $(CORES) --report results/report.html \

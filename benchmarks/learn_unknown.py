@@ -26,12 +26,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from blind.equivalents import equivalents
-from blind.judge.realised import campaign_data, fitted_model
-from blind.judge.records import Truth, read_truth
+from blind.judge import Truth, read_truth
+from blind.judge.realised import campaign_data, plain_model
 from spa_fo.atomic import write_text
 from spa_fo.gap.diagnose import examine
 from spa_fo.gap.unknown import signs
-from spa_fo.plant import read_model
 
 Floats = NDArray[np.float64]
 Label = Mapping[str, Any]
@@ -70,7 +69,7 @@ def stands_in(truth: Truth, without: Sequence[str], named: frozenset[str]) -> bo
         return False if named == truth.effects else None
     if named and named <= truth.equivalents:
         return None
-    if truth.model == "own_fit" and not named:
+    if truth.model == "own" and not named:
         return None  # the model may have taken the whole effect up
     if "parameter_shift" in without:
         return None  # the plain model identified again speaks for that one
@@ -83,16 +82,14 @@ def examined(
     """Diagnose a case up to its explanations; yield a row for each that teaches something."""
     truth = read_truth(label, folder)
     data = campaign_data(folder / "campaign")
-    given = folder / "model.json"
-    plain = read_model(given) if given.is_file() else fitted_model(data, SEED)
-    found = examine(data, plain, without, np.random.default_rng(SEED), SEED)
+    found = examine(data, plain_model(folder, SEED), without, np.random.default_rng(SEED), SEED)
     for s in found.scored:
         taught = stands_in(truth, without, frozenset(s.named))
         if taught is None or s.probability < LEAST:
             continue
         numbers = signs(s, found.candidates, found.floor_deg)
         yield {
-            "seed": label["seed"],
+            "seed": label["asked"]["seed"],
             "case": truth.case,
             "protocol": truth.protocol,
             "effects": "+".join(sorted(truth.effects)),
@@ -113,19 +110,21 @@ def cases(results: Path) -> list[tuple[Path, Label]]:
 def tasks(results: Sequence[Path], withhold: bool) -> Iterator[tuple[Path, Label, Sequence[str]]]:
     """Say which cases are diagnosed, and without which effects."""
     for folder, label in (case for each in results for case in cases(each)):
-        closed = label["kind"] == "closed"
-        if not closed or label["sizes"][0] >= SEEN:
+        asked = label["asked"]
+        closed = asked["kind"] == "closed"
+        if not closed or asked["sizes"][0] >= SEEN:
             yield folder, label, label["exclude"]
-        if withhold and closed and label["protocol"] == "rich" and label["sizes"][0] >= MISSED:
-            fair = equivalents(label["effects"][0])
-            yield folder, {**label, "equivalents": fair}, label["effects"]
+        rich = read_truth(label, folder).is_rich
+        if withhold and closed and rich and asked["sizes"][0] >= MISSED:
+            fair = equivalents(asked["effects"][0])
+            yield folder, {**label, "equivalents": fair}, asked["effects"]
 
 
 def write_signs(results: Sequence[Path], out: Path, withhold: bool) -> None:
     rows: list[Row] = []
     for folder, label, without in tasks(results, withhold):
         rows += examined(folder, label, without)
-        print(f"{folder.name} {label['kind']}: {len(rows)} explanations", flush=True)
+        print(f"{folder.name} {label['asked']['kind']}: {len(rows)} explanations", flush=True)
     write_table(rows, out)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import expit, logit
 
-from blind.judge.records import Truth
+from blind_records import truth as made
 from spa_fo.gap.unknown import WEIGHTS, Weights
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -28,8 +28,8 @@ def learner():
     del sys.modules[spec.name]
 
 
-def truth(kind="closed", effects=CREEP, model="nominal"):
-    return Truth("case_0001", kind, effects, SENSOR_CREEP, 4.0, 0.4, "rich", model, "a")
+def truth(kind="closed", effects=CREEP, model="off"):
+    return made(*effects, kind=kind, equivalents=SENSOR_CREEP, model=model)
 
 
 def test_the_weights_are_what_the_table_teaches(learner):
@@ -98,7 +98,7 @@ def test_a_campaign_does_not_judge_what_it_taught(learner):
         (truth(), ["creep"], LEAK, True),
         (truth(), ["creep"], SENSOR_CREEP, None),
         (truth(), ["creep"], frozenset(), True),
-        (truth(model="own_fit"), ["creep"], frozenset(), None),
+        (truth(model="own"), ["creep"], frozenset(), None),
         (truth("alien", frozenset({"reference_sag"})), [], LEAK, True),
         (truth(effects=frozenset({"parameter_shift"})), ["parameter_shift"], LEAK, None),
     ],

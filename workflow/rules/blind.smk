@@ -13,7 +13,7 @@ rule blind:
 
 
 rule blind_cases:
-    """A share of the cases: what the diagnosis may see, and apart from it the labels."""
+    """A share of all rigs' cases: what the diagnosis may see, and apart from it the labels."""
     output:
         cases=directory(BLIND / "cases" / "{batch}"),
         labels=directory(BLIND / "labels" / "{batch}"),
@@ -51,7 +51,10 @@ rule blind_seals:
 
 
 rule blind_diagnose:
-    """Diagnose a share of the cases: campaign, model, effects to withhold, and nothing else."""
+    """Diagnose a share of the cases: campaign, model, effects to withhold, and nothing else.
+
+    One process each, as many side by side as there are cores; a case's error is its answer.
+    """
     input:
         cases=rules.blind_cases.output.cases,
         seals=rules.blind_seals.output,
@@ -139,7 +142,7 @@ rule blind_score:
 
 
 rule blind_publish:
-    """The tables, the worst class first, and the figures."""
+    """The tables, the worst first, and the figures."""
     input:
         rules.blind_score.output,
     output:
@@ -152,11 +155,18 @@ rule blind_publish:
                 for suffix in ("csv", "tex", "md")
             ),
         ),
+        classes=BLIND / "classes.csv",
         figures=multiext(
             f"{BLIND}/",
             *(
                 f"{name}.{suffix}"
-                for name in ("confusion", "calibration", "size_curve", "shrink")
+                for name in (
+                    "surroundings",
+                    "confusion",
+                    "calibration",
+                    "size_curve",
+                    "shrink",
+                )
                 for suffix in ("pdf", "png")
             ),
         ),

@@ -1,10 +1,18 @@
 """One share of the blind benchmark's cases; every batch has its own file of seals."""
 
+import sys
 from pathlib import Path
 
-from blind.cases import plan_cases, write_cases
+from blind import first_rig, second_rig  # noqa: F401 -- so an edit of a rig makes cases again
+from blind.plan import plan_cases
+from blind.writer import write_cases
 from spa_fo.edge import workflow_step
 from spa_fo.errors import BadInput
+
+
+def say(line):
+    print(f"{snakemake.wildcards.batch}: {line}", file=sys.stderr, flush=True)
+
 
 with workflow_step(snakemake.log[0], snakemake.threads):
     plan = dict(snakemake.params.plan)
@@ -16,4 +24,4 @@ with workflow_step(snakemake.log[0], snakemake.threads):
     folder, labels = Path(snakemake.output.cases), Path(snakemake.output.labels)
     folder.mkdir(parents=True, exist_ok=True)
     labels.mkdir(parents=True, exist_ok=True)
-    write_cases(cases[snakemake.params.share :: batches], folder, labels)
+    write_cases(cases[snakemake.params.share :: batches], folder, labels, say)

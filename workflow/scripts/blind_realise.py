@@ -1,28 +1,22 @@
 """Errors of the plain, the augmented and the refitted model on the unseen trials of each case."""
 
 import json
-import logging
 from dataclasses import asdict
 from pathlib import Path
 
-from blind.judge.realised import realise
+from blind.judge.attempt import attempt
+from blind.judge.realised import judged_model, realise
 from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
-from spa_fo.errors import BadInput
-
-
-def judged_model(case, out):
-    given = case / "model.json"
-    return given if given.is_file() else out / "model.json"
 
 
 def of_case(case, out, seed):
-    """The errors; None where the unseen trials are refused, as when the sensor left its range."""
-    try:
-        return asdict(realise(case, judged_model(case, out), out / "augmented_model.json", seed))
-    except BadInput as error:
-        logging.warning("%s: %s", case.name, error)
-        return None
+    """The errors, or why there are none: as where the sensor left its range, or no diagnosis."""
+    if (out / "error.txt").is_file():
+        return {"error": "there is no diagnosis"}
+    augmented = out / "augmented_model.json"
+    found, message = attempt(case, realise, case, judged_model(case, out, seed), augmented, seed)
+    return {"error": message} if message else asdict(found)
 
 
 with workflow_step(snakemake.log[0], snakemake.threads):

@@ -1,15 +1,20 @@
 """The judge of the blind benchmark: truths, answers, and what they are worth."""
 
+from blind.judge.reading import (
+    answer_in,
+    outcomes,
+    read_answer,
+    read_realised,
+    read_truth,
+)
 from blind.judge.records import (
     Answer,
     Claim,
     Outcome,
     Realised,
+    Surroundings,
     Truth,
-    read_answer,
-    read_baselines,
-    read_realised,
-    read_truth,
+    failed,
 )
 from blind.judge.score import Scores, score
 
@@ -19,9 +24,12 @@ __all__ = [
     "Outcome",
     "Realised",
     "Scores",
+    "Surroundings",
     "Truth",
+    "answer_in",
+    "failed",
+    "outcomes",
     "read_answer",
-    "read_baselines",
     "read_realised",
     "read_truth",
     "score",

@@ -2,8 +2,10 @@
 
 Every question is put to one case and answered by yes or no; its measure is the share of yes.
 Strict where there is a choice: naming more than what is at work is wrong, an `unknown` that holds
-the truth as its explained part does not name it, and equivalents recorded with a case count only
-where the library lacks the effect.
+the truth as its explained part does not name it, equivalents recorded with a case count only where
+the library lacks the effect, and a diagnosis that ended in an error saw and named nothing, but is a
+false alarm where there is no effect. A model that is off is a shift of the parameters: naming that
+is no false alarm, and beside the truth no wrong name.
 """
 
 from __future__ import annotations
@@ -11,8 +13,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from blind.judge.records import NONE, UNKNOWN, Answer, Outcome, Truth
-from blind.judge.statistics import Calibration, Estimate, calibration, mean, rate
+from blind.judge.records import ERROR, NONE, UNKNOWN, Answer, Outcome, Truth
+from blind.judge.statistics import (
+    Calibration,
+    Estimate,
+    calibration,
+    expected_error,
+    mean,
+    rate,
+)
 
 SHRINK_TOLERANCE = 0.10
 CLEAR = 2.5
@@ -29,23 +38,33 @@ Measure = Callable[[Sequence[Outcome]], Estimate]
 
 def found(_: Truth, answer: Answer) -> bool:
     """Whether it saw a gap."""
-    return answer.verdict != "no_gap"
+    return answer.verdict not in ("no_gap", ERROR)
+
+
+def false_alarm(truth: Truth, answer: Answer) -> bool:
+    """Whether it is anything but `no_gap`; a shift, named alone, is there where a model is off."""
+    return answer.verdict != "no_gap" and not names_exactly(truth, answer)
+
+
+def names_exactly(truth: Truth, answer: Answer) -> bool:
+    """Whether all that it names is exactly what is at work."""
+    return answer.names and all(map(truth.is_exactly, answer.sets))
 
 
 def in_sets(truth: Truth, answer: Answer) -> bool:
     """Whether it named the truth, alone or among what it cannot tell apart."""
     if truth.kind == "no_effect":
-        return answer.verdict == "no_gap"
-    return answer.names and truth.effects in answer.sets
+        return not false_alarm(truth, answer)
+    return answer.names and any(map(truth.is_exactly, answer.sets))
 
 
 def right_first(truth: Truth, answer: Answer) -> bool:
     """Whether its first explanation is the truth; `unknown` or fair, where that is missing."""
-    if truth.kind == "no_effect":
-        return answer.top == NONE
     if truth.is_missing:
         return answer.top == UNKNOWN or truth.fair(answer.top)
-    return answer.top == truth.effects
+    if truth.kind == "no_effect" and answer.top == NONE:
+        return True
+    return bool(answer.top) and truth.is_exactly(answer.top)
 
 
 def right_stage(truth: Truth, answer: Answer) -> bool:
@@ -73,15 +92,22 @@ def one_named(truth: Truth, answer: Answer) -> bool:
     return any(truth.effects & named for named in answer.sets)
 
 
-def share_of(question: Question, *, known_stage: bool = False) -> Measure:
-    """Make the measure that is the share of cases where the answer to `question` is yes."""
+def share_of(question: Question, says_stage: bool = False) -> Measure:
+    """Make the measure that is the share of cases where the answer to `question` is yes.
+
+    Parameters
+    ----------
+    question : callable
+    says_stage : bool
+        Whether only cases count that have a stage, and answers that say one.
+    """
 
     def measure(outcomes: Sequence[Outcome]) -> Estimate:
         return rate(
             [
                 question(outcome.truth, outcome.answer)
                 for outcome in outcomes
-                if outcome.truth.stages or not known_stage
+                if not says_stage or (outcome.truth.stages and outcome.answer.stage)
             ]
         )
 
@@ -93,12 +119,24 @@ def set_count(outcomes: Sequence[Outcome]) -> Estimate:
     return mean([float(len(o.answer.sets)) for o in outcomes if o.answer.names])
 
 
+def claimed_and_right(outcomes: Sequence[Outcome]) -> tuple[list[float], list[bool]]:
+    """List the probabilities of the most probable explanations, and whether these were right."""
+    said = [
+        (o.answer.probability, right_first(o.truth, o.answer))
+        for o in outcomes
+        if o.answer.probability is not None
+    ]
+    return [probability for probability, _ in said], [right for _, right in said]
+
+
 def calibrated(outcomes: Sequence[Outcome]) -> Calibration:
     """How well the probability of the most probable explanation is calibrated."""
-    return calibration(
-        [outcome.answer.probability for outcome in outcomes],
-        [right_first(outcome.truth, outcome.answer) for outcome in outcomes],
-    )
+    return calibration(*claimed_and_right(outcomes))
+
+
+def calibration_error(outcomes: Sequence[Outcome]) -> Estimate:
+    """Compute the calibration error alone."""
+    return expected_error(*claimed_and_right(outcomes))
 
 
 def fraction_closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
@@ -165,15 +203,16 @@ def claims_cover(outcomes: Sequence[Outcome]) -> Estimate:
 
 MEASURES: Mapping[str, Measure] = {
     "found": share_of(found),
+    "false_alarm": share_of(false_alarm),
     "in_sets": share_of(in_sets),
     "sets": set_count,
     "right_first": share_of(right_first),
-    "right_stage": share_of(right_stage, known_stage=True),
+    "right_stage": share_of(right_stage, says_stage=True),
     "wrong_name": share_of(wrong_name),
     "unknown": share_of(abstained),
     "fair_or_unknown": share_of(fair_or_unknown),
     "one_named": share_of(one_named),
-    "ece": lambda outcomes: calibrated(outcomes).ece,
+    "ece": calibration_error,
     "shrink_close": claims_close,
     "shrink_covered": claims_cover,
 }

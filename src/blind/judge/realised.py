@@ -1,4 +1,4 @@
-"""What a diagnosis is worth on trials nobody has seen: the campaign that continues the case's."""
+"""The model that is judged, and what a diagnosis is worth on trials nobody has seen."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from blind.judge.records import Realised
 from spa_fo.identify import fit_campaign, predict_campaign
-from spa_fo.plant import Model, read_model
+from spa_fo.plant import Model, read_model, write_model
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 
 
@@ -20,6 +20,33 @@ def campaign_data(folder: Path) -> CampaignData:
 def fitted_model(data: CampaignData, seed: int) -> Model:
     """Identify the plain model of a campaign."""
     return fit_campaign(data, seed=seed, bootstrap=None).model
+
+
+def judged_model(case: Path, out: Path, seed: int) -> Path:
+    """Name the file of a case's plain model, made in `out` where the case hands none out.
+
+    It is identified on the campaign before the effect where there is one, else on the campaign
+    that is diagnosed itself.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be read or used.
+    """
+    given, made = case / "model.json", out / "model.json"
+    if given.is_file():
+        return given
+    if not made.is_file():
+        write_model(made, plain_model(case, seed))
+    return made
+
+
+def plain_model(case: Path, seed: int) -> Model:
+    """Read the model that a case hands out, or identify it as `judged_model` says."""
+    given, earlier = case / "model.json", case / "earlier"
+    if given.is_file():
+        return read_model(given)
+    return fitted_model(campaign_data(earlier if earlier.is_dir() else case / "campaign"), seed)
 
 
 def rmse_deg(model: Model, data: CampaignData, source: Path | str = "model") -> float:

@@ -9,48 +9,71 @@ import argparse
 import json
 import shutil
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from blind.report.history import Mark, marks_of, read_history, table, with_run, written
-from blind.report.tables import KIND_NAMES, PROTOCOL_NAMES, goal
+from blind.report import sections
+from blind.report.history import Mark, marks_of, read_history, rigs_of, table, with_run, written
+from blind.report.words import rig_name
 from spa_fo.atomic import replacing, write_text
 from spa_fo.edge import bad_input_exits
 from spa_fo.errors import BadInput
 
-_COPIED = ("*.csv", "*.png", "table.md", "scores.json", "seals.txt")
+Priors = Sequence[tuple[str, str, str, str]]
+
+_COPIED = ("*.csv", "*.png", "table.md", "seals.txt")
 _FIGURES = {
+    "surroundings": "What the surroundings do: coloured noise by its correlation time (*nearly "
+    "white*: less than 0.05° of it), the scatter of the gain from trial to trial, and the error of "
+    "the angles that the sensor was calibrated by; with 95 % intervals.",
     "size_curve": "How the answers improve with the size of the effect, with 95 % intervals.",
-    "confusion": "What each effect of at least four times the noise floor is taken for.",
+    "confusion": "What each effect of at least four times the noise floor is taken for: truth in "
+    "rows, most probable explanation in columns.",
     "calibration": "How often the most probable explanation is right, against its probability.",
     "shrink": "The share of the gap that the augmented model closes: claimed, and realised on a "
     "later campaign of the same specimen with other levels and protocols.",
 }
-_BASELINES = ("refit_only", "smallest_bic", "commonest")
+_CLASSES = """\
+Rich protocols have releases, several levels and at least two repeats of everything; all others —
+up-steps alone, releases alone, a single log — stand apart as *other protocols*."""
 _METHOD = """\
-Every case is a campaign of the virtual rig, which shares no code, no solver and no functional form
-with the diagnosis. Specimen, scatter between trials, order of the trials and secondary parameters
-of the effect are drawn; its size is solved for, so that it changes the logged angle by a multiple
-of the noise floor (RMS over all samples). The labels are sealed: their salted SHA-256 stands in
-`seals.txt` before the first diagnosis, every batch of diagnoses writes down the hash of that file
-before it begins, and the labels are opened only if all of it agrees.
+Every case is a campaign of one of the rigs. They share no code, no solver and no functional form
+with the diagnosis, nor with each other: only the text that says what a rig is asked and gives back,
+`src/blind/CASE.md`. What the diagnosis has learned, it learned on the virtual rig. Specimen,
+protocol, surroundings and what is wrong with the judged model are drawn; the effect's size is
+solved for, so that it changes the logged angle by a multiple of the noise floor (RMS over all
+samples). The labels are sealed: their salted SHA-256 stands in `seals.txt` before the first
+diagnosis, every batch of diagnoses writes down the hash of that file before it begins, and the
+labels are opened only if all of it agrees. The folders say neither rig nor cause.
 
 Thresholds and learned weights of the diagnosis were frozen before, on other seeds: those of
 development, and of benchmarks whose answers were open by then. This benchmark has seed {seed}.
 
 The counting is strict. Naming more than what is at work is a wrong name; an `unknown` that holds
-the truth as the explained part does not count as naming it (but *at least one named* of a pair
-counts what an `unknown` gives as the explained part, too); sets are counted in the answers that
-name any. Intervals are Wilson's for shares and bootstrap over cases for means. A claimed shrink
-is judged where the plain model's error on the later campaign is at least {clear:g} times the
-noise floor ({left_out} claims are not), as below the scatter of its few trials hides the
-fraction; the floor is that of the specimen's own repeated trials. *Refit only* identifies the
-plain model again and names nothing, *smallest BIC* always names the explanation of the smallest
-Bayesian information criterion, *commonest effect* always the same one."""
+the truth as the explained part does not count as naming it; sets are counted in the answers that
+name any; a diagnosis that ends in an error saw and named nothing, and is a false alarm where there
+is no effect. A model that is off is a shift of the parameters: naming that alone is no false alarm,
+and beside the truth it is no wrong name. Intervals are Wilson's for shares and bootstrap over cases
+for means; the rigs are compared by square and add of their intervals. A claimed shrink is judged
+where the plain model's error on the later campaign is at least {clear:g} times the noise floor
+({left_out} claims are not), as below the scatter of its few trials hides the fraction; the floor is
+that of the specimen's own repeated trials."""
+_HISTORY = """\
+Every run that was published, the first one left, what was not reached bold. Between two runs the
+diagnosis was changed after what the cases of the earlier one taught, and each run has new cases: no
+column is chosen among several of one state. With so few cases a mark, the same diagnosis passes a
+goal in one run and misses it in the next: the intervals above say by how much. All values with
+their commits: [{folder}/history.csv]({folder}/history.csv)."""
+_ONE_RIG = """\
+Until seed 2035 the benchmark had the virtual rig alone, with one kind of noise, scatter and
+calibration, and its own marks. The diagnosis was tuned on that rig from run to run: 19 of 19 marks
+in the last one said nothing about other rigs, nor about other surroundings. All values:
+[{folder}/history_one_rig.csv]({folder}/history_one_rig.csv)."""
 
 
 @dataclass(frozen=True)
@@ -61,19 +84,31 @@ class Origin:
     command: str
 
 
-_HISTORY = """\
-Every run that was published, the first one left, what was not reached bold. Between two runs the
-diagnosis was changed after what the cases of the earlier one taught, and each run has new cases: no
-column is chosen among several of one state. With so few cases a mark, the same diagnosis passes a
-goal in one run and misses it in the next: the intervals above say by how much. All values with
-their commits: [{folder}/history.csv]({folder}/history.csv)."""
+@dataclass(frozen=True)
+class Further:
+    """What stands on the page beside the scores.
+
+    Attributes
+    ----------
+    history, before : sequence of Mark
+        Of all runs, this one last; and of those on one rig.
+    priors : sequence of tuples
+        What surroundings are drawn from: name, prior in words, unit, reason.
+    note : str
+        What this run means; Markdown.
+    measured : str
+        What is said of measured campaigns in which nothing was changed; Markdown.
+    """
+
+    history: Sequence[Mark] = ()
+    before: Sequence[Mark] = ()
+    priors: Priors = ()
+    note: str = ""
+    measured: str = ""
 
 
 def document(
-    scores: Mapping[str, Any],
-    origin: Origin,
-    folder: str = "blind",
-    history: Sequence[Mark] = (),
+    scores: Mapping[str, Any], origin: Origin, further: Further, folder: str = "blind"
 ) -> str:
     """Write the page.
 
@@ -83,10 +118,9 @@ def document(
         As read from scores.json.
     origin : Origin
         Stands at the end.
+    further : Further
     folder : str
         Where the figures and tables are, seen from the page.
-    history : sequence of Mark
-        Of all runs, this one last.
 
     Returns
     -------
@@ -95,153 +129,73 @@ def document(
     """
     parts = [
         "# The blind benchmark of the diagnosis",
-        _lead(scores),
-        "## The worst classes",
-        _worst(scores["effects"], folder),
+        sections.summary(scores),
+        further.note,
+        sections.origin_of_data(scores),
         "## What it had to reach",
-        _marks(scores["marks"]),
-        _sizes(scores),
-        *_figures(folder),
+        sections.marks(scores),
+        "## By class of surroundings",
+        sections.classes(scores, folder),
+        *_figure("surroundings", folder),
+        "## By effect, the worst first",
+        sections.effects(scores, folder),
+        *_figure("confusion", folder),
+        "## By size of the effect",
+        _CLASSES,
+        sections.sizes(scores),
+        *_figure("size_curve", folder),
+        "## Probabilities",
+        *_figure("calibration", folder),
         "## Claims of how far the gap closes, by kind of answer",
-        _claims(scores["claims"]),
+        sections.claims(scores),
+        *_figure("shrink", folder),
+        "## Models that are off",
+        sections.shifts(scores),
+        "## Errors",
+        sections.errors(scores),
+        *_measured(further.measured),
         "## All runs",
         _HISTORY.format(folder=folder),
-        table(history),
+        *_histories(further.history),
+        "## Before: one rig, one kind of surroundings",
+        _ONE_RIG.format(folder=folder),
+        *(table(further.before, rig) for rig in rigs_of(further.before)),
         "## How it was done",
-        _METHOD.format(
-            seed=scores["benchmark"]["seed"],
-            left_out=scores["shrink_left_out"],
-            clear=scores["shrink_clear"],
-        ),
-        _cases(scores),
+        _method(scores),
+        sections.cases(scores),
+        "## What surroundings, protocols and models are drawn from",
+        sections.priors(further.priors),
         "## Fair answers where the library lacks the effect",
-        _equivalents(scores["equivalents"]),
+        sections.equivalents(scores),
         "## What made it",
         _origin(origin, scores["benchmark"]),
     ]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _lead(scores: Mapping[str, Any]) -> str:
-    worst = scores["effects"][0]
-    rate = worst["rates"][worst["worst"]]
-    taken = f" It is mostly taken for `{worst['mistaken_for']}`." if worst["mistaken_for"] else ""
-    judged = [mark["reached"] for mark in scores["marks"] if mark["reached"] is not None]
-    return (
-        f"The worst class is **{worst['effect']}**: right in {_percent(rate['value'])} of "
-        f"{rate['n']} cases ({_interval(rate)}) by *{worst['worst']}*.{taken} Of {len(judged)} "
-        f"marks {sum(judged)} are reached.\n\n"
-        f"All data are synthetic: {scores['cases']} campaigns of the virtual rig."
-    )
+def _figure(name: str, folder: str) -> Iterator[str]:
+    caption = _FIGURES[name]
+    yield f"![{caption.replace('*', '')}]({folder}/{name}.png)"
+    yield f"_{caption}_" if "*" in caption else f"*{caption}*"
 
 
-def _worst(effects: Sequence[Mapping[str, Any]], folder: str) -> str:
-    lines = [
-        "| class | worst rate | 95 % | of cases | which | mostly taken for |",
-        "|:--|--:|:--|--:|:--|:--|",
-    ]
-    for effect in effects:
-        rate = effect["rates"][effect["worst"]]
-        lines.append(
-            f"| {effect['effect']} | {_percent(rate['value'])} | {_interval(rate)} | {rate['n']} "
-            f"| {effect['worst']} | {effect['mistaken_for'] or '–'} |"
-        )
-    return (
-        "\n".join(lines)
-        + f"\n\nEvery rate of every effect: [{folder}/per_effect.csv](\
-{folder}/per_effect.csv); every kind, protocol and size: [{folder}/table.md]({folder}/table.md)."
-    )
+def _measured(text: str) -> Iterator[str]:
+    if text:
+        yield "## Measured actuators, nothing changed"
+        yield text
 
 
-def _marks(marks: Sequence[Mapping[str, Any]]) -> str:
-    lines = [
-        "| mark | goal | value | 95 % | cases | reached | refit only | smallest BIC | commonest |",
-        "|:--|:--|--:|:--|--:|:--|--:|--:|--:|",
-    ]
-    for mark in marks:
-        estimate, rivals = mark["estimate"], mark["baselines"]
-        cells = [
-            mark["name"],
-            goal(mark),
-            _figure(estimate["value"]),
-            _ends(estimate),
-            str(estimate["n"]),
-            {True: "yes", False: "**no**", None: "–"}[mark["reached"]],
-            *(
-                _figure(rivals[name]["value"])
-                for name in ("refit_only", "smallest_bic", "commonest")
-            ),
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+def _histories(history: Sequence[Mark]) -> Iterator[str]:
+    for rig in rigs_of(history):
+        yield f"### {rig_name(rig).capitalize()}"
+        yield table(history, rig)
 
 
-def _sizes(scores: Mapping[str, Any]) -> str:
-    sentences = [
-        f"On the protocol *{PROTOCOL_NAMES[protocol]}*, 95 % of the cases are found "
-        f"{_from(size)}, and have the truth in the sets "
-        f"{_from(scores['smallest_named'][protocol])}."
-        for protocol, size in scores["smallest_found"].items()
-    ]
-    return " ".join(sentences)
-
-
-def _from(size: float | None) -> str:
-    return "at no size that was tried" if size is None else f"from {size:g} times the floor on"
-
-
-def _figures(folder: str) -> Iterator[str]:
-    for name, caption in _FIGURES.items():
-        yield f"![{caption}]({folder}/{name}.png)"
-        yield f"*{caption}*"
-
-
-_ANSWER_NAMES = {
-    "no_gap": "no gap",
-    "cause": "one cause",
-    "ambiguous": "several that these data cannot tell apart",
-    "unknown": "unknown, but a part is explained",
-}
-
-
-def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
-    lines = [
-        "| answer | of this kind | claim something | judged | within 10 points | 95 % "
-        "| interval holds |",
-        "|:--|--:|--:|--:|--:|:--|--:|",
-    ]
-    for own in claims:
-        close = own["close"]
-        cells = [
-            _ANSWER_NAMES[own["verdict"]],
-            str(own["answers"]),
-            str(own["claims"]),
-            str(close["n"]),
-            _figure(close["value"]),
-            _ends(close),
-            _figure(own["covered"]["value"]),
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def _cases(scores: Mapping[str, Any]) -> str:
-    counts = ", ".join(f"{KIND_NAMES[kind]} {n}" for kind, n in sorted(scores["kinds"].items()))
-    return (
-        f"Cases: {counts}. In {scores['short']} of them the effect could not be made as large as "
-        "asked without leaving what is physical; they count by the size they reached."
-    )
-
-
-def _equivalents(equivalents: Mapping[str, Sequence[str]]) -> str:
-    lines = [
-        f"- {effect}: {', '.join(fair)}" for effect, fair in sorted(equivalents.items()) if fair
-    ]
-    return (
-        "Recorded with the sealed labels, before any diagnosis; the reasons stand in "
-        "`blind/equivalents.py` and in each rig. For every effect that is "
-        "not listed only `unknown` is right; the column *unknown* of the table by kind counts "
-        "that alone.\n\n" + "\n".join(lines)
+def _method(scores: Mapping[str, Any]) -> str:
+    return _METHOD.format(
+        seed=scores["benchmark"]["seed"],
+        left_out=sum(own["shrink_left_out"] for own in scores["rigs"].values()),
+        clear=scores["shrink_clear"],
     )
 
 
@@ -250,27 +204,12 @@ def _origin(origin: Origin, benchmark: Mapping[str, Any]) -> str:
     return f"Commit `{origin.commit}`, command `{origin.command}`, with\n\n```yaml\n{config}```"
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
-
-
-def _interval(estimate: Mapping[str, Any]) -> str:
-    return f"{100 * estimate['low']:.0f} to {100 * estimate['high']:.0f} %"
-
-
-def _figure(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"
-
-
-def _ends(estimate: Mapping[str, Any]) -> str:
-    return "–" if estimate["n"] == 0 else f"{estimate['low']:.3f} to {estimate['high']:.3f}"
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Copy the results beside the documents and write the page; returns the exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m blind.report.document",
-        description="Copy the results of the blind benchmark into the documents, with their page.",
+        description="Copy the results of the blind benchmark into the documents, with their page. "
+        "blind/note.md and blind/measured_repeats.md there become parts of it.",
     )
     parser.add_argument("results", type=Path, help="folder with scores.json, tables and figures")
     parser.add_argument("documents", type=Path, help="gets blind.md and blind/")
@@ -279,17 +218,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with bad_input_exits():
         scores = _scores(given.results / "scores.json")
         origin = Origin(_commit(), given.command)
-        run = marks_of(scores, origin.commit, [goal(mark) for mark in scores["marks"]])
-        told = given.documents / "blind" / "history.csv"
-        history = with_run(read_history(told), run)
-        page = document(scores, origin, history=history)
-        for pattern in _COPIED:
-            for path in sorted(given.results.glob(pattern)):
-                with replacing(given.documents / "blind" / path.name) as temporary:
-                    shutil.copyfile(path, temporary)
-        write_text(told, written(history))
+        beside = given.documents / "blind"
+        told = beside / "history.csv"
+        further = Further(
+            history=with_run(read_history(told), marks_of(scores, origin.commit)),
+            before=read_history(beside / "history_one_rig.csv"),
+            priors=import_module("blind.surroundings").describe(),
+            note=_part(beside / "note.md"),
+            measured=_part(beside / "measured_repeats.md"),
+        )
+        page = document(scores, origin, further)
+        _copy((path for name in _COPIED for path in sorted(given.results.glob(name))), beside)
+        write_text(beside / "scores.json", _without_classes(scores))
+        write_text(told, written(further.history))
         write_text(given.documents / "blind.md", page)
     return 0
+
+
+def _without_classes(scores: Mapping[str, Any]) -> str:
+    """Write the scores but for the classes of surroundings, which have a table of their own."""
+    kept = {key: value for key, value in scores.items() if key != "classes"}
+    return json.dumps(kept, indent=1, allow_nan=False) + "\n"
+
+
+def _copy(paths: Iterable[Path], folder: Path) -> None:
+    for path in paths:
+        with replacing(folder / path.name) as temporary:
+            shutil.copyfile(path, temporary)
+
+
+def _part(path: Path) -> str:
+    """Read a part of the page without its heading; empty where there is none."""
+    if not path.is_file():
+        return ""
+    text = path.read_text(encoding="utf-8").strip()
+    first, _, rest = text.partition("\n")
+    return rest.strip() if first.startswith("# ") else text
 
 
 def _scores(path: Path) -> Mapping[str, Any]:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from blind.judge.check import goal
+from blind.judge.targets import BOTH_RIGS
+from blind.report.words import REACHED
 from spa_fo.errors import BadInput
+
+_ONE_RIG = {"share": "1", "rig": "virtual_rig"}  # what runs were that do not say
 
 
 @dataclass(frozen=True)
@@ -22,8 +27,12 @@ class Mark:
         Of the run.
     commit : str
         That made it.
+    share : str
+        Of the planned cases that was made.
+    rig : str
+        That the cases are from, or `BOTH_RIGS`.
     cases : int
-        Of the whole run.
+        Of the rig in this run.
     mark : str
         What was to be reached.
     goal : str
@@ -38,6 +47,8 @@ class Mark:
 
     seed: int
     commit: str
+    share: str
+    rig: str
     cases: int
     mark: str
     goal: str
@@ -45,8 +56,13 @@ class Mark:
     n: int
     reached: str
 
+    @property
+    def run(self) -> tuple[int, str, str]:
+        """What tells one run from another."""
+        return self.seed, self.commit, self.share
 
-def marks_of(scores: Mapping[str, Any], commit: str, goals: Sequence[str]) -> list[Mark]:
+
+def marks_of(scores: Mapping[str, Any], commit: str) -> list[Mark]:
     """List the marks of a run.
 
     Parameters
@@ -55,26 +71,27 @@ def marks_of(scores: Mapping[str, Any], commit: str, goals: Sequence[str]) -> li
         As read from scores.json.
     commit : str
         That made them.
-    goals : sequence of str
-        The limit of each mark in words.
     """
+    cases = {rig: own["cases"] for rig, own in scores["rigs"].items()}
     return [
         Mark(
             seed=scores["benchmark"]["seed"],
             commit=commit,
-            cases=scores["cases"],
+            share=f"{scores['benchmark'].get('part', 1):g}",
+            rig=mark["rig"],
+            cases=cases.get(mark["rig"], scores["cases"]),
             mark=mark["name"],
-            goal=limit,
+            goal=goal(mark),
             value="" if mark["estimate"]["value"] is None else f"{mark['estimate']['value']:.3f}",
             n=mark["estimate"]["n"],
-            reached={True: "yes", False: "no", None: ""}[mark["reached"]],
+            reached=REACHED[mark["reached"]] or "",
         )
-        for mark, limit in zip(scores["marks"], goals, strict=True)
+        for mark in scores["marks"]
     ]
 
 
 def read_history(path: Path) -> list[Mark]:
-    """Read all runs; none where there is no file yet.
+    """Read all runs; none where there is no file yet. One without rigs is that of one rig.
 
     Raises
     ------
@@ -86,10 +103,10 @@ def read_history(path: Path) -> list[Mark]:
     names = [field.name for field in fields(Mark)]
     with path.open(encoding="utf-8", newline="") as file:
         reader = csv.DictReader(file)
-        if reader.fieldnames != names:
+        if reader.fieldnames not in (names, [name for name in names if name not in _ONE_RIG]):
             raise BadInput(path, f"expected the columns {', '.join(names)}", where="line 1")
         try:
-            return [_mark(row) for row in reader]
+            return [_mark(_ONE_RIG | row) for row in reader]
         except (TypeError, ValueError) as error:
             expected = "expected whole numbers of seed, cases and n in every row"
             raise BadInput(path, expected, where=f"line {reader.line_num}") from error
@@ -101,9 +118,9 @@ def _mark(row: Mapping[str, str]) -> Mark:
 
 
 def with_run(history: Sequence[Mark], run: Sequence[Mark]) -> list[Mark]:
-    """Add a run at the end; one of the same seed and commit is the same run."""
-    made = {(mark.seed, mark.commit) for mark in run}
-    return [mark for mark in history if (mark.seed, mark.commit) not in made] + list(run)
+    """Add a run at the end; one of the same seed, commit and share is the same run."""
+    made = {mark.run for mark in run}
+    return [mark for mark in history if mark.run not in made] + list(run)
 
 
 def written(history: Sequence[Mark]) -> str:
@@ -115,28 +132,39 @@ def written(history: Sequence[Mark]) -> str:
     return text.getvalue()
 
 
-def table(history: Sequence[Mark]) -> str:
-    """Set the runs side by side, the first one left: what was missed is bold."""
-    runs: dict[tuple[int, str], dict[str, Mark]] = {}
+def rigs_of(history: Iterable[Mark]) -> list[str]:
+    """Name the rigs of a history, in the order in which they come."""
+    return list(dict.fromkeys(mark.rig for mark in history if mark.rig != BOTH_RIGS))
+
+
+def table(history: Sequence[Mark], rig: str) -> str:
+    """Set the runs on one rig side by side, the first one left: what was missed is bold.
+
+    What is asked of the rigs together stands with each of them.
+    """
+    runs: dict[tuple[int, str, str], dict[str, Mark]] = {}
     for mark in history:
-        runs.setdefault((mark.seed, mark.commit), {})[mark.mark] = mark
-    goals = {mark.mark: mark.goal for mark in history}
-    judged = {run: [m for m in marks.values() if m.reached] for run, marks in runs.items()}
+        if mark.rig in (rig, BOTH_RIGS):
+            runs.setdefault(mark.run, {})[mark.mark] = mark
+    goals = {name: mark.goal for own in runs.values() for name, mark in own.items()}
+    judged = [[mark for mark in own.values() if mark.reached] for own in runs.values()]
+    counts = [f"{sum(m.reached == 'yes' for m in own)} of {len(own)}" for own in judged]
     lines = [
-        f"| mark | goal | {' | '.join(f'seed {seed}' for seed, _ in runs)} |",
+        f"| mark | goal | {' | '.join(_title(run) for run in runs)} |",
         f"|:--|:--|{'--:|' * len(runs)}",
         *(
             f"| {name} | {limit} | {' | '.join(_cell(own.get(name)) for own in runs.values())} |"
             for name, limit in goals.items()
         ),
-        "| marks reached | | "
-        + " | ".join(
-            f"{sum(m.reached == 'yes' for m in own)} of {len(own)}" for own in judged.values()
-        )
-        + " |",
-        f"| commit | | {' | '.join(f'`{commit[:7]}`' for _, commit in runs)} |",
+        f"| marks reached | | {' | '.join(counts)} |",
+        f"| commit | | {' | '.join(f'`{commit[:7]}`' for _, commit, _ in runs)} |",
     ]
     return "\n".join(lines)
+
+
+def _title(run: tuple[int, str, str]) -> str:
+    seed, _, share = run
+    return f"seed {seed}" if share == "1" else f"seed {seed}, {float(share):.0%}"
 
 
 def _cell(mark: Mark | None) -> str:

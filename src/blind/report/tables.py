@@ -1,4 +1,4 @@
-"""The blind benchmark as tables, figures and a page, all from its scores.json."""
+"""The blind benchmark as tables and figures, all from its scores.json."""
 
 from __future__ import annotations
 
@@ -8,29 +8,19 @@ from typing import Any
 
 import pandas as pd
 
+from blind.judge.check import goal
 from blind.report.figures import (
     calibration_figure,
     confusion_figure,
     shrink_figure,
     size_figure,
 )
+from blind.report.surroundings_figure import surroundings_figure
+from blind.report.words import KIND_NAMES, PROTOCOL_NAMES, REACHED, rig_name
 from spa_fo.atomic import write_text
 from spa_fo.report.style import save_figure
 from spa_fo.report.tables import Table, write_table
 
-KIND_NAMES = {
-    "closed": "effect in the library",
-    "no_effect": "no effect",
-    "withheld": "effect withheld",
-    "alien": "foreign effect",
-    "pair": "pair of effects",
-}
-PROTOCOL_NAMES = {"rich": "rich", "up_steps": "up-steps"}
-_BASELINES = {
-    "refit_only": "refit only",
-    "smallest_bic": "smallest BIC",
-    "commonest": "commonest effect",
-}
 _MEASURES = {
     "found": "found",
     "in_sets": "in sets",
@@ -48,8 +38,9 @@ _MEASURES = {
 
 def provenance(scores: Mapping[str, Any]) -> str:
     """Say where the data come from: the line on every table and figure."""
+    rigs = " and ".join(rig_name(rig) for rig in scores["rigs"])
     return (
-        f"synthetic: virtual rig, blind benchmark of seed {scores['benchmark']['seed']}, "
+        f"synthetic: {rigs}, blind benchmark of seed {scores['benchmark']['seed']}, "
         f"{scores['cases']} cases"
     )
 
@@ -62,7 +53,8 @@ def publish(scores: Mapping[str, Any], folder: Path) -> None:
     scores : Mapping
         As read from scores.json.
     folder : Path
-        Gets ``table.md``, the tables as csv, tex and md, the figures as pdf and png.
+        Gets ``table.md``, the tables as csv, tex and md, every class of surroundings as csv alone,
+        the figures as pdf and png.
 
     Raises
     ------
@@ -75,20 +67,76 @@ def publish(scores: Mapping[str, Any], folder: Path) -> None:
     parts = [(folder / f"{name}.md").read_text(encoding="utf-8") for name in found]
     write_text(folder / "table.md", "\n".join(parts))
     line = provenance(scores)
-    save_figure(confusion_figure(scores["confusion"]), folder / "confusion", line)
-    save_figure(calibration_figure(scores["calibration"]), folder / "calibration", line)
-    save_figure(size_figure(scores["arms"]), folder / "size_curve", line)
-    save_figure(shrink_figure(scores["shrink"]), folder / "shrink", line)
+    classes = class_rows(scores["classes"]).assign(provenance=line)
+    write_text(folder / "classes.csv", str(classes.to_csv(index=False, lineterminator="\n")))
+    for name, figure in _figures(scores).items():
+        save_figure(figure, folder / name, line)
+
+
+def _figures(scores: Mapping[str, Any]) -> dict[str, Any]:
+    rigs = scores["rigs"]
+
+    def of_each(key: str) -> dict[str, Any]:
+        return {rig: own[key] for rig, own in rigs.items()}
+
+    return {
+        "surroundings": surroundings_figure(scores["classes"], list(rigs)),
+        "confusion": confusion_figure(of_each("confusion")),
+        "calibration": calibration_figure(of_each("calibration")),
+        "size_curve": size_figure(of_each("arms")),
+        "shrink": shrink_figure(of_each("shrink")),
+    }
 
 
 def tables(scores: Mapping[str, Any]) -> dict[str, Table]:
-    """Make every table by the name of its file, the one of the worst classes first."""
+    """Make every table by the name of its file."""
     line = provenance(scores)
     return {
-        "per_effect": _effect_table(scores["effects"], line),
         "marks": _mark_table(scores["marks"], line),
-        "arms": _arm_table(scores["arms"], scores["variants"], line),
+        "per_effect": _effect_table(scores["effects"], line),
+        "arms": _arm_table(scores["rigs"], line),
     }
+
+
+def _mark_row(mark: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "goal": goal(mark),
+        "value": mark["estimate"]["value"],
+        "95 % from": mark["estimate"]["low"],
+        "to": mark["estimate"]["high"],
+        "cases": mark["estimate"]["n"],
+        "reached": REACHED[mark["reached"]],
+    }
+
+
+def _mark_table(marks: Sequence[Mapping[str, Any]], line: str) -> Table:
+    rows = [
+        {"rig": mark["rig"], "mark": mark["name"]}
+        | _mark_row(mark)
+        | {"worst": mark["which"] or None}
+        for mark in marks
+    ]
+    return Table(
+        pd.DataFrame(rows),
+        "What the diagnosis has to reach",
+        line,
+        dict.fromkeys(("value", "95 % from", "to"), ".3f"),
+    )
+
+
+def class_rows(classes: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """List every mark in every class of surroundings, the one that misses its goal most first."""
+    rows = [
+        {
+            "rig": mark["rig"],
+            "dimension": mark["dimension"],
+            "class": mark["class"],
+            "mark": mark["name"],
+        }
+        | _mark_row(mark)
+        for mark in classes
+    ]
+    return pd.DataFrame(rows)
 
 
 def _effect_table(effects: Sequence[Mapping[str, Any]], line: str) -> Table:
@@ -97,6 +145,7 @@ def _effect_table(effects: Sequence[Mapping[str, Any]], line: str) -> Table:
     rows = [
         {
             "effect": effect["effect"],
+            "rig": effect["rig"],
             "worst rate": effect["worst_rate"],
             "which": effect["worst"],
             "of": effect["rates"][effect["worst"]]["n"],
@@ -114,8 +163,9 @@ def _effect_table(effects: Sequence[Mapping[str, Any]], line: str) -> Table:
     frame = pd.DataFrame(rows)
     return Table(
         frame,
-        "Every effect, the worst first: rates of what is right; and the size, in multiples of the "
-        "noise floor, from which on every case is found, or has the truth in the sets",
+        "Every effect on every rig, the worst first: rates of what is right; and the size, in "
+        "multiples of the noise floor, from which on every case is found, or has the truth in the "
+        "sets",
         line,
         {
             name: "g" if name.endswith(" from") else ".2f"
@@ -125,52 +175,21 @@ def _effect_table(effects: Sequence[Mapping[str, Any]], line: str) -> Table:
     )
 
 
-def _mark_table(marks: Sequence[Mapping[str, Any]], line: str) -> Table:
+def _arm_table(rigs: Mapping[str, Mapping[str, Any]], line: str) -> Table:
     rows = [
-        {
-            "mark": mark["name"],
-            "goal": goal(mark),
-            "value": mark["estimate"]["value"],
-            "95 % from": mark["estimate"]["low"],
-            "to": mark["estimate"]["high"],
-            "cases": mark["estimate"]["n"],
-            "reached": {True: "yes", False: "no", None: None}[mark["reached"]],
-        }
-        | {name: mark["baselines"][key]["value"] for key, name in _BASELINES.items()}
-        for mark in marks
-    ]
-    figures = ("value", "95 % from", "to", *_BASELINES.values())
-    return Table(
-        pd.DataFrame(rows),
-        "What the diagnosis has to reach, and what simpler rules reach in the same cases",
-        line,
-        dict.fromkeys(figures, ".3f"),
-    )
-
-
-def goal(mark: Mapping[str, Any]) -> str:
-    """Write a mark's goal as ``≥ 0.95``."""
-    return f"{'≥' if mark['at_least'] else '≤'} {mark['goal']:g}"
-
-
-def _arm_table(
-    arms: Sequence[Mapping[str, Any]], variants: Sequence[Mapping[str, Any]], line: str
-) -> Table:
-    named = [(_arm_name(arm), arm) for arm in arms]
-    named += [(f"rich, 4 or more: {variant['name']}", variant) for variant in variants]
-    rows = [
-        {"cases of": name, "n": arm["n"]}
+        {"rig": rig, "cases of": _arm_name(arm), "n": arm["n"]}
         | {title: arm["scores"][key]["value"] for key, title in _MEASURES.items()}
-        for name, arm in named
+        for rig, own in rigs.items()
+        for arm in own["arms"]
     ]
     return Table(
         pd.DataFrame(rows),
-        "Every kind of case, protocol and size (multiples of the noise floor)",
+        "Every kind of case, group of protocols and size (multiples of the noise floor)",
         line,
         dict.fromkeys(_MEASURES.values(), ".2f"),
     )
 
 
 def _arm_name(arm: Mapping[str, Any]) -> str:
-    parts = [KIND_NAMES[arm["kind"]], PROTOCOL_NAMES[arm["protocol"]]]
+    parts = [KIND_NAMES[arm["kind"]], PROTOCOL_NAMES[arm["protocols"]]]
     return ", ".join(parts if arm["size"] is None else [*parts, f"{arm['size']:g}"])
