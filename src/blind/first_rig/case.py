@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from blind.first_rig.asked import Asked, read_document
 from blind.first_rig.campaign import Plan, Recorder
 from blind.first_rig.doses import Dose, draw_dose
-from blind.first_rig.logs import draw_board_format, draw_trial_format
+from blind.first_rig.logs import LogFormat, SpaRigFormat, draw_board_format, draw_trial_format
 from blind.first_rig.programme import draw_earlier, draw_later, draw_programme, draw_top_deg
 from blind.first_rig.sizing import Scale, Sized, with_core
 from spa_fo.atomic import write_text
@@ -90,14 +91,22 @@ class Case:
         self.bare = draw_specimen(asked)
         self.plan = Plan(asked, "campaign", draw_programme(asked, self.core))
         self._form = "ab"[int(asked.stream("form").integers(2))]
-        self._scale = Scale(self.bare, self.plan, self.later())
-        self.specimen, self._given = self._affected()
 
     @property
     def core(self) -> FractionalCore:
         """The specimen's own, whatever it suffers from."""
         return self.bare.actuator.core
 
+    @property
+    def specimen(self) -> Specimen:
+        """The specimen with its effects."""
+        return self._affected[0]
+
+    @cached_property
+    def _scale(self) -> Scale:
+        return Scale(self.bare, self.plan, self.later())
+
+    @cached_property
     def _affected(self) -> tuple[Specimen, tuple[_Given, ...]]:
         """Give the specimen its effects, each in its size."""
         specimen = self.bare
@@ -112,11 +121,11 @@ class Case:
 
     def campaigns(self) -> dict[str, dict[str, bytes]]:
         """Every file of every campaign, by folder and relative name."""
-        recorder = self._recorder(self.plan, self.specimen)
+        recorder = Recorder(self.plan, self.specimen, *self.formats())
         campaigns = {plan.folder: recorder.run(plan) for plan in (self.plan, self.later())}
         if self.asked.model == "earlier":
             plan = Plan(self.asked, "earlier", draw_earlier(self.asked, self.core))
-            campaigns[plan.folder] = self._recorder(plan, self.bare).run(plan)
+            campaigns[plan.folder] = Recorder(plan, self.bare, *self.formats()).run(plan)
         return campaigns
 
     def later(self) -> Plan:
@@ -131,10 +140,11 @@ class Case:
             first_s=round(self.plan.free_s() + pause_s, 1),
         )
 
-    def _recorder(self, first: Plan, specimen: Specimen) -> Recorder:
+    def formats(self) -> tuple[SpaRigFormat, LogFormat]:
+        """How calibrations and trials are written, in all campaigns of the case."""
         largest_kpa = pressure_for(self.core, draw_top_deg(self.asked))
         board = draw_board_format(self.asked, largest_kpa)
-        return Recorder(first, specimen, board, draw_trial_format(self.asked, board))
+        return board, draw_trial_format(self.asked, board)
 
     def model_core(self) -> FractionalCore:
         """Give the core of the model that is handed out: each coefficient wrong by its error."""
@@ -156,17 +166,19 @@ class Case:
 
     def truth(self) -> dict[str, Any]:
         """Tell everything, for whoever opens the seal."""
-        joint = self._scale.weigh(self.specimen)[0] if len(self._given) > 1 else None
+        specimen, effects = self._affected
+        parameters = {
+            given.effect: asdict(given.dose.make(given.sized.amplitude))  # type: ignore[call-overload]
+            for given in effects
+        }
+        joint = self._scale.weigh(specimen)[0] if len(effects) > 1 else None
         return {
             "noise_floor_deg": self._scale.floor_deg,
-            "sizes_reached": [given.sized.size for given in self._given],
+            "sizes_reached": [given.sized.size for given in effects],
             "joint_size": joint,
             "model_error_deg": self._model_error_deg() if self.asked.model == "off" else None,
             "form": {"no_effect": "none", "alien": "own"}.get(self.asked.kind, self._form),
-            "parameters": {
-                given.effect: asdict(given.dose.make(given.sized.amplitude))  # type: ignore[call-overload]
-                for given in self._given
-            },
+            "parameters": json.loads(json.dumps(parameters)),  # lists rather than tuples
             "core": asdict(self.core),
             "protocol": self.plan.programme.describe(),
         }

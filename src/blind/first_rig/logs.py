@@ -15,7 +15,7 @@ from spa_fo.virtual_rig.clock import BoardClock
 from spa_fo.virtual_rig.converter import Converter, PressureSensor
 from spa_fo.virtual_rig.wire import Damage, banner, data_line
 
-_USUAL_KPA = 551.6  # the pressure sensor's range where its converter is fine enough
+_LARGEST_KPA = 551.6  # range of the pressure sensor
 _HEADROOM = 1.5  # of that range over the largest command
 _SLOWEST_BOARD_S = 0.0015  # lag of a pressure sensor of more than 100 Hz
 
@@ -76,7 +76,7 @@ class SpaRigFormat:
     pressure_sensor : PressureSensor
         What its pressure counts mean.
     resolution_kpa : float
-        Step of the pressure; several counts where the converter is finer.
+        Step of the pressure, a whole number of counts.
     pressure_lag_s : float
         Lag of the pressure sensor.
     clock : BoardClock
@@ -115,8 +115,9 @@ class SpaRigFormat:
         if pressure is None:
             return self._log("cmd_kpa,flex_adc", samples, [commands], rng)
         stepped = np.rint(pressure / self.resolution_kpa) * self.resolution_kpa
-        volts = self.pressure_sensor.volts(stepped)
-        counts = np.rint(volts / self.converter.volts_per_count).astype(np.int64)
+        exact = self.pressure_sensor.volts(stepped) / self.converter.volts_per_count
+        # Steps are whole counts, beside a zero that may lie midway between two: all go one way.
+        counts = np.floor(exact + 0.5 + 1e-6).astype(np.int64)
         counts = np.clip(counts, 0, self.converter.maximum)
         return self._log("cmd_kpa,p_adc,flex_adc", samples, [commands, counts.tolist()], rng)
 
@@ -231,17 +232,18 @@ def _spoilt(row: Sequence[str], rng: np.random.Generator) -> Sequence[str]:
 
 
 def draw_board_format(asked: Asked, largest_kpa: float) -> SpaRigFormat:
-    """Draw how the board writes; its pressure sensor reaches as far as the steps asked allow."""
+    """Draw how the board writes; a step of its pressure is one count, or a few of a fine one."""
     rng, around = asked.stream("board"), asked.surroundings
     converter = Converter(bits=around.bits, noise_counts=0.0)
     # The sensor's 0.5 to 4.5 V are four fifths of the converter's range.
-    range_kpa = min(0.8 * converter.maximum * around.pressure.resolution_kpa, _USUAL_KPA)
+    range_kpa = 0.8 * converter.maximum * around.pressure.resolution_kpa
+    range_kpa /= np.ceil(range_kpa / _LARGEST_KPA)
     if not around.pressure.measured or range_kpa < _HEADROOM * largest_kpa:
-        range_kpa = _USUAL_KPA
+        range_kpa = _LARGEST_KPA
     return SpaRigFormat(
         around.sampling,
         converter,
-        PressureSensor(kpa_at_ends=(0.0, round(range_kpa, 4))),
+        PressureSensor(kpa_at_ends=(0.0, round(float(range_kpa), 6))),
         around.pressure.resolution_kpa,
         min(around.pressure.lag_s, _SLOWEST_BOARD_S),
         BoardClock(-rng.uniform(700.0, 4700.0), jitter_us=0.0),  # on before the first log

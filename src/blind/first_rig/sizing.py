@@ -122,8 +122,11 @@ def noise_floor_deg(specimen: Specimen, plan: Plan) -> float:
     Scatter of gain, rest angle and time scale, coloured and white noise, and the converter's
     rounding, each by its own sensitivity, over all samples of all trials.
     """
+    return _floor_deg(specimen, plan, exact_readings(specimen, plan))
+
+
+def _floor_deg(specimen: Specimen, plan: Plan, plain: Sequence[Reading]) -> float:
     noise, scatter = plan.asked.surroundings.noise, specimen.scatter
-    plain = exact_readings(specimen, plan)
     faster = with_core(specimen, at_pace(specimen.actuator.core, 1.0 + _PACE))
     by_pace = (exact_angles(faster, plan) - _angles(plain)) / _PACE
     parts = (
@@ -174,8 +177,9 @@ class Scale:
         self._bare = bare
         self._plan = plan
         self._later = later
-        self._plain_deg = exact_angles(bare, plan)
-        self.floor_deg = noise_floor_deg(bare, plan)
+        plain = exact_readings(bare, plan)
+        self._plain_deg = _angles(plain)
+        self.floor_deg = _floor_deg(bare, plan, plain)
 
     def weigh(self, specimen: Specimen) -> tuple[float, bool]:
         """Size of what this specimen does otherwise; and whether all of it can be read."""

@@ -103,14 +103,6 @@ class CampaignPlan:
         Angles of the fixture, in order.
     post_calibration : bool
         Whether the sensor is calibrated again in the end.
-    source : str or None
-        Where the campaign says it comes from; None names the rig and the seed.
-    continues : str or None
-        Name of the campaign that this one goes on from.
-    first_order : int
-        Place of its first trial in the count that begins with the campaign it continues.
-    first_s : float
-        When its first trial starts, s.
     """
 
     name: str
@@ -127,10 +119,6 @@ class CampaignPlan:
     rate_hz: int = 50
     calibration_deg: tuple[float, ...] = (*range(0, 91, 15), *range(75, -1, -15))
     post_calibration: bool = True
-    source: str | None = None
-    continues: str | None = None
-    first_order: int = 1
-    first_s: float = 0.0
 
 
 def pressure_for(core: FractionalCore, angle_deg: float) -> float:

@@ -58,8 +58,8 @@ def schedule(plan: CampaignPlan, seed: int) -> list[PlannedTrial]:
     """List every trial of a campaign in the order it is run, with the rests between."""
     by_name = {experiment.name: experiment for experiment in plan.experiments}
     seen: Counter[str] = Counter()
-    trials, started_s = [], plan.first_s
-    for order, name in enumerate(plan.order, start=plan.first_order):
+    trials, started_s = [], 0.0
+    for order, name in enumerate(plan.order, start=1):
         seen[name] += 1
         trial = PlannedTrial(by_name[name], seen[name], order, started_s)
         trials.append(trial)
@@ -72,48 +72,28 @@ def schedule(plan: CampaignPlan, seed: int) -> list[PlannedTrial]:
 
 def campaign_files(plan: CampaignPlan, seed: int) -> dict[str, bytes]:
     """Run a campaign: every file of its folder by its relative name, checksums included."""
-    return _run([plan], seed)[0]
-
-
-def continued_files(
-    plan: CampaignPlan, later: CampaignPlan, seed: int
-) -> tuple[dict[str, bytes], dict[str, bytes]]:
-    """Run a campaign and another that continues it on the same bench: the files of each.
-
-    The later one holds the first one's earliest calibration, through which its angles are read.
-    """
-    first, second = _run([plan, later], seed)
-    return first, second
-
-
-def _run(plans: Sequence[CampaignPlan], seed: int) -> list[dict[str, bytes]]:
-    """Run campaigns one after the other on one bench, calibrated once at the start."""
-    plan = plans[0]
-    clock = _clock(plan, schedule(plan, seed))
+    trials = schedule(plan, seed)
+    clock = _clock(plan, trials)
     bench = Bench(plan.specimen, board_rate_hz(plan), PRE_CALIBRATION_S)
     pre = _calibrate(plan, bench, clock, stream(plan, seed, "calibration/pre"))
-    campaigns = []
-    for plan in plans:
-        files = {"calibration/pre.log": pre}
-        trials = schedule(plan, seed)
-        damages = _shared_out(plan.damage, len(trials), stream(plan, seed, "damage"))
-        for trial, damage in zip(trials, damages, strict=True):
-            bench.rest(trial.started_s)
-            rng = stream(plan, seed, trial.file)
-            files[trial.file], clock = _record(plan, bench, clock, trial, damage, rng)
-        post_s = None
-        if plan.post_calibration:
-            end_s = trials[-1].started_s + trials[-1].experiment.profile.duration_s
-            post_s = round(end_s + _POST_CALIBRATION_S, 1)
-            bench.rest(post_s)
-            files["calibration/post.log"] = _calibrate(
-                plan, bench, clock, stream(plan, seed, "calibration/post")
-            )
-        files["campaign.yaml"] = _description(plan, seed, trials, post_s).encode("ascii")
-        sums = [f"{hashlib.sha256(files[name]).hexdigest()}  {name}\n" for name in sorted(files)]
-        files["SHA256SUMS"] = "".join(sums).encode("ascii")
-        campaigns.append(files)
-    return campaigns
+    files = {"calibration/pre.log": pre}
+    damages = _shared_out(plan.damage, len(trials), stream(plan, seed, "damage"))
+    for trial, damage in zip(trials, damages, strict=True):
+        bench.rest(trial.started_s)
+        rng = stream(plan, seed, trial.file)
+        files[trial.file], clock = _record(plan, bench, clock, trial, damage, rng)
+    post_s = None
+    if plan.post_calibration:
+        end_s = trials[-1].started_s + trials[-1].experiment.profile.duration_s
+        post_s = round(end_s + _POST_CALIBRATION_S, 1)
+        bench.rest(post_s)
+        files["calibration/post.log"] = _calibrate(
+            plan, bench, clock, stream(plan, seed, "calibration/post")
+        )
+    files["campaign.yaml"] = _description(plan, seed, trials, post_s).encode("ascii")
+    sums = [f"{hashlib.sha256(files[name]).hexdigest()}  {name}\n" for name in sorted(files)]
+    files["SHA256SUMS"] = "".join(sums).encode("ascii")
+    return files
 
 
 def board_rate_hz(plan: CampaignPlan) -> float:
@@ -266,11 +246,8 @@ def _description_lines(
     yield "schema: spa-fo/campaign/1"
     yield f"name: {plan.name}"
     yield f"material: {plan.material}"
-    if plan.continues is not None:
-        yield f"continues: {plan.continues}"
-    source = plan.source or f"virtual rig, seed {seed}"
     yield (
-        f'provenance: {{kind: synthetic, source: "{source}", '
+        f'provenance: {{kind: synthetic, source: "virtual rig, seed {seed}", '
         'note: "stand-in for measurements that were never published; '
         'how far the model misses is by construction"}'
     )
