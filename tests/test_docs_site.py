@@ -49,7 +49,8 @@ def test_every_page_of_the_docs_is_there(site: Path) -> None:
         path.relative_to(ROOT / "docs").with_suffix("").as_posix()
         for path in (ROOT / "docs").rglob("*.md")
     }
-    assert written | {"commands"} <= made
+    parts = {"blind/note", "blind/measured_repeats"}  # of docs/blind.md
+    assert written - parts | {"commands"} <= made
 
 
 def test_no_link_is_dead(site: Path, found: dict[Path, Addresses]) -> None:

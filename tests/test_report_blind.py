@@ -227,7 +227,7 @@ def test_every_run_stays_on_the_page(scores: dict[str, Any], tmp_path: Path) -> 
         (results / "scores.json").write_text(json.dumps(told))
         assert main([str(results), str(documents), "--command", "snakemake blind"]) == 0
     page = (documents / "blind.md").read_text()
-    assert page.count("| mark | goal | seed 7 | seed 8, 10% | seed 8 |\n") == 2
+    assert page.count("| mark | goal | seed 7 | seed 8, 10 % | seed 8 |\n") == 2
     assert "### Virtual rig\n" in page
     history = read_history(documents / "blind" / "history.csv")
     assert len(history) == 3 * len(scores["marks"])

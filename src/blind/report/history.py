@@ -11,7 +11,7 @@ from typing import Any
 
 from blind.judge.check import goal
 from blind.judge.targets import BOTH_RIGS
-from blind.report.words import REACHED
+from blind.report.words import REACHED, percent
 from spa_fo.errors import BadInput
 
 _ONE_RIG = {"share": "1", "rig": "virtual_rig"}  # what runs were that do not say
@@ -164,7 +164,7 @@ def table(history: Sequence[Mark], rig: str) -> str:
 
 def _title(run: tuple[int, str, str]) -> str:
     seed, _, share = run
-    return f"seed {seed}" if share == "1" else f"seed {seed}, {float(share):.0%}"
+    return f"seed {seed}" if share == "1" else f"seed {seed}, {percent(float(share))}"
 
 
 def _cell(mark: Mark | None) -> str:

@@ -177,8 +177,8 @@ def effects(scores: Scores, folder: str) -> str:
 def sizes(scores: Scores) -> str:
     """Say from which size on effects are found and named."""
     return " ".join(
-        f"On the {rig_name(rig)}, {PROTOCOL_NAMES[protocols]}, {DETECTED:.0%} of the cases are "
-        f"found {_from(size)}, and have the truth in the sets "
+        f"On the {rig_name(rig)}, {PROTOCOL_NAMES[protocols]}, {percent(DETECTED)} of the cases "
+        f"are found {_from(size)}, and have the truth in the sets "
         f"{_from(own['smallest_named'][protocols])}."
         for rig, own in scores["rigs"].items()
         for protocols, size in own["smallest_found"].items()
