@@ -16,7 +16,8 @@ SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
   -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce report docs audit blind blind-small real-data test firmware firmware-tools browser \
+.PHONY: help reproduce report docs audit blind blind-small real-data repeats test firmware \
+  firmware-tools browser \
   slurm-tools scale references release format unlock lock
 
 help:
@@ -27,6 +28,7 @@ help:
 	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md $(BLIND_COST)"
 	@echo "make blind-small a part of it; fails where a mark falls short $(BLIND_SMALL_COST)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
+	@echo "make repeats     diagnose repeated commands in DATA -> docs/blind/measured_repeats.md"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
 	@echo "make firmware    build the board's program, and a simulated board to run it on"
 	@echo "make firmware-tools   install what that needs (Debian, as root)"
@@ -73,6 +75,9 @@ docs: $(INSTALLED)
 
 real-data: $(INSTALLED)
 	$(BIN)/python benchmarks/real_data.py $(DATA)
+
+repeats: $(INSTALLED)
+	$(BIN)/python benchmarks/measured_repeats.py $(DATA)
 
 test: $(INSTALLED)
 	$(BIN)/ruff check .
