@@ -137,6 +137,7 @@ class Inspection:
 
     def _column_line(self, role: str, item: Column) -> str:
         keys = [f"column: {_scalar(item.column)}", f"unit: {_scalar(item.unit)}"]
+        keys += [f"scale: {item.scale!r}"] if item.scale != 1.0 else []
         keys += [f"offset: {item.offset!r}"] if item.offset else []
         keys += [f"rest: {item.rest}"] if item.rest != "keep" else []
         return f"    {role}: {{{', '.join(keys)}}}  # {self._reason(role)}"
