@@ -13,8 +13,9 @@ from spa_fo.rig.campaign import (
     read_campaign,
 )
 from spa_fo.rig.parse_report import Damage, FileReport, ParseReport
+from spa_fo.rig.trial import Trial
 from spa_fo.rig.trial_table import load_trials, write_trials
-from spa_fo.rig.trials import CampaignData, Trial, read_trials
+from spa_fo.rig.trials import CampaignData, read_trials
 
 __all__ = [
     "Calibration",

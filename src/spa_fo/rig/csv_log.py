@@ -36,6 +36,7 @@ UNITS = {
     "1": 1.0,
 }
 _FAR = 2.0  # times the length of the log
+_LARGEST = 1e12  # s, kPa, deg, counts: more than anything measured, and its square still a number
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3}){2,}")
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
@@ -107,12 +108,12 @@ def read_csv_log(
     values, numbers = _parse_rows(data, places, tally, cut=0 if whole else len(lines))
     _refuse_thousands(tally, data, places, path)
     raw = np.array(values, dtype=np.float64).reshape(len(numbers), len(needed))
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         converted = {
             role: (raw[:, i] * column.scale + column.offset) * UNITS[column.unit]
             for i, (role, column) in enumerate(needed.items())
         }
-    finite = np.all([np.isfinite(array) for array in converted.values()], axis=0)
+    finite = np.all([np.abs(array) <= _LARGEST for array in converted.values()], axis=0)
     for index in np.flatnonzero(~finite):
         tally.add("too large", numbers[index])
     numbers = [numbers[index] for index in np.flatnonzero(finite)]
