@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from spa_fo.rig.campaign import Column
 from spa_fo.rig.csv_log import UNITS, read_csv_log
 from spa_fo.rig.inspect_log import inspect_log
+from spa_fo.rig.log_format import Column
 from spa_fo.rig.units import read_unit, unit_of_name
 
 # As written: unit of campaign.yaml, and how many of it one is.

@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from spa_fo.rig.campaign import Column
 from spa_fo.rig.csv_log import longest_increasing
 from spa_fo.rig.delimited import Table
+from spa_fo.rig.log_format import DATETIME, Column
 from spa_fo.rig.units import Kind, Unit, unit_of_name
 
 Floats = npt.NDArray[np.float64]
@@ -27,12 +27,13 @@ _WORDS = {
     "flex_adc": "flex adc raw counts bendsensor",
 }
 _BY_NAME = "its name says so"
-_TIME_UNITS = ("s", "ms", "us")
+_TIME_UNITS = ("s", "ms", "us", DATETIME)
 _PRESSURE_UNITS = ("Pa", "hPa", "kPa", "bar", "psi")
 _ANGLE_UNITS = ("deg", "rad")
 _ATMOSPHERE = {"Pa": 101_325.0, "hPa": 1013.25, "kPa": 101.325}  # bar and psi: too near 1 and 15
 _FEWEST = 0.05  # share of the rows that must hold a number
 _PLAUSIBLE_RATES_HZ = (4.0, 5000.0)
+_FINE = 0.5  # share of rows with a time of their own, below which a clock is a coarse one
 _MOVED = 0.02  # of a command's range
 _DEGREES_AT_LEAST = 3.5  # an angle that reaches farther is none in rad
 
@@ -75,6 +76,11 @@ class _Look:
     @property
     def repeats(self) -> float:
         return float(np.mean(np.diff(self.values) == 0.0))
+
+    @property
+    def fineness(self) -> float:
+        """Share of the rows with a value of their own."""
+        return float(np.unique(self.values).size / self.values.size)
 
     def named(self, role: str) -> bool:
         return bool(self.words & set(_WORDS[role].split()))
@@ -124,7 +130,7 @@ def guess_columns(table: Table) -> dict[str, Guess]:
     table = dataclasses.replace(table, values=table.values * scales)
     looks = [look for i, unit in enumerate(units) if (look := _look(table, i, unit)) is not None]
     found: dict[str, Guess] = {}
-    clock = _guess_time(looks)
+    clock = _guess_time(looks, table)
     if clock is None:
         return found
     found["time"] = clock
@@ -152,6 +158,8 @@ def rest_rows(values: Floats) -> int:
 
 
 def _written_unit(table: Table, place: int) -> Unit | None:
+    if place in table.stamps:
+        return Unit("", "time", DATETIME, doubt=table.stamps[place].doubt)
     name = table.names[place] if table.names else ""
     return unit_of_name(name, table.units[place] if table.units else "")
 
@@ -171,14 +179,27 @@ def _words(name: str) -> frozenset[str]:
     return frozenset(re.findall(r"[^\W\d_]+|°", apart.lower()))
 
 
-def _guess_time(looks: Sequence[_Look]) -> Guess | None:
-    rising = [look for look in looks if _rises(look)]
+def _guess_time(looks: Sequence[_Look], table: Table) -> Guess | None:
+    rising = [look for look in looks if look.measures("time") and _rises(look)]
     if not rising:
         return None
-    look = max(rising, key=lambda one: (_is_clock_name(one), not _counts_rows(one), -one.place))
+    look = max(
+        rising,
+        key=lambda one: (
+            one.fineness > _FINE,
+            _is_clock_name(one),
+            not _counts_rows(one),
+            -one.place,
+        ),
+    )
     unit, why = _time_unit(look)
+    if look.fineness <= _FINE:
+        why += f"; UNSURE: {1.0 / look.fineness:.3g} rows share a time, of which one is kept"
     rivals = tuple(one.place for one in rising if one is not look)
-    return Guess(look.place, look.column(unit), why, rivals)
+    column = look.column(unit)
+    if unit == DATETIME:
+        column = dataclasses.replace(column, format=table.stamps[look.place].format)
+    return Guess(look.place, column, why, rivals)
 
 
 def _is_clock_name(look: _Look) -> bool:
@@ -202,6 +223,9 @@ def _counts_rows(look: _Look) -> bool:
 
 
 def _time_unit(look: _Look) -> tuple[str, str]:
+    if look.unit == DATETIME:
+        doubt = look.written.doubt if look.written is not None else ""
+        return look.unit, "it holds dates and times" + (f"; UNSURE: {doubt}" if doubt else "")
     if look.unit in _TIME_UNITS:
         return look.unit, look.why() if look.words else look.why().replace("name", "unit", 1)
     steps = np.diff(look.values)
