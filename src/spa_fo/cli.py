@@ -47,6 +47,7 @@ def command_line() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_parse(commands)
     _add_inspect(commands)
+    _add_init(commands)
     _add_fit(commands)
     _add_predict(commands)
     _add_diagnose(commands)
@@ -124,6 +125,24 @@ def _inspect(options: argparse.Namespace) -> None:
 
         write_inspect_figure(inspection, options.plot)
     print(inspection.text(), end="")
+
+
+def _add_init(commands: Commands) -> None:
+    parser = _command(
+        commands,
+        "init",
+        "draft campaign.yaml and SHA256SUMS from the logs in a folder, and draw them",
+        "spa-fo init raw/my_arm\n  spa-fo parse raw/my_arm\n\n"
+        "What it is unsure of stands as comments in campaign.yaml. It replaces nothing.",
+    )
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="logs of one actuator")
+    parser.set_defaults(run=_init)
+
+
+def _init(options: argparse.Namespace) -> None:
+    from spa_fo.api.init import init_campaign
+
+    print(init_campaign(options.folder))
 
 
 def _add_fit(commands: Commands) -> None:
