@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import naive_rig
 from spa_fo.errors import BadInput
-from spa_fo.rig.campaign import Column, LogFormat
 from spa_fo.rig.csv_log import CsvLog, longest_increasing, read_csv_log
+from spa_fo.rig.log_format import Column, LogFormat
 
 NAMED = LogFormat(
     "csv",

@@ -11,8 +11,8 @@ import pytest
 import naive_rig
 from spa_fo.errors import BadInput
 from spa_fo.rig import CampaignData, read_campaign, read_trials
-from spa_fo.rig.campaign import Column, LogFormat
 from spa_fo.rig.csv_log import read_csv_log
+from spa_fo.rig.log_format import Column, LogFormat
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 

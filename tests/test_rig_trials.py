@@ -121,11 +121,31 @@ def test_excursions_are_flagged_and_counted(tmp_path: Path) -> None:
     assert report.outside_calibration == trial.outside_calibration.sum() >= 20
 
 
-def test_a_trial_far_outside_its_calibration_is_refused(tmp_path: Path) -> None:
-    far = {i: {4: 830} for i in range(100, 103)}  # 120 deg, calibrated up to 90
-    text = refused(with_trial(tmp_path, edited(far)))
+def test_samples_far_outside_the_calibration_are_left_out_and_told(tmp_path: Path) -> None:
+    # The sensor's counts are 350 + 4 a degree; calibrated up to 90 deg.
+    far = {i: {4: 830} for i in range(100, 103)}  # 120 deg
+    data = read(with_trial(tmp_path, edited(far)))
+    assert data.trials[1].t_s.size == 197
+    report = data.report.files[-1]
+    assert report.damaged["far outside calibration"].count == 3
+    assert report.damaged["far outside calibration"].first_lines == (102, 103, 104)
+    assert data.report.warnings == (
+        "step_20/trial_02.log: 3 of 200 samples lie far outside the calibration, 0 to 90 deg, "
+        "and are left out",
+    )
+    assert "3 far outside calibration (lines 102, 103, 104)" in data.report.to_markdown()
+
+
+def test_a_trial_that_lies_outside_its_calibration_for_the_most_part_is_refused(
+    tmp_path: Path,
+) -> None:
+    def trial(samples: int) -> bytes:
+        return edited({i: {4: 830} for i in range(200 - samples, 200)})
+
+    assert read(with_trial(tmp_path / "half", trial(100))).trials[1].t_s.size == 100
+    text = refused(with_trial(tmp_path / "most", trial(101)))
     assert text.startswith(
-        "small/step_20/trial_02.log: angle outside calibration: 3 of 200 samples, "
+        "small/step_20/trial_02.log: angle outside calibration: 101 of 200 samples, "
     )
     assert text.endswith("but calibration/pre.log covers 0 to 90 deg")
 
@@ -139,11 +159,6 @@ def test_a_plateau_a_little_outside_is_flagged_and_one_beyond_is_refused(tmp_pat
     assert "angle outside calibration: 140 of 200 samples" in refused(far)
 
 
-def test_a_few_samples_far_outside_are_flagged_only(tmp_path: Path) -> None:
-    data = read(with_trial(tmp_path, edited({100: {4: 1000}, 101: {4: 1000}})))
-    assert data.trials[1].outside_calibration[100:102].all()
-
-
 def test_a_broken_contact_is_no_angle(tmp_path: Path) -> None:
     data = read(with_trial(tmp_path, edited({100: {4: 0}, 101: {4: 0}})))
     assert data.trials[1].t_s.size == 198
@@ -153,8 +168,10 @@ def test_a_broken_contact_is_no_angle(tmp_path: Path) -> None:
 
 
 def test_a_sensor_torn_off_is_not_a_broken_contact(tmp_path: Path) -> None:
-    folder = with_trial(tmp_path, edited({i: {4: 0} for i in range(100, 120)}))
-    assert "angle outside calibration: 20 of 200 samples" in refused(folder)
+    some = read(with_trial(tmp_path / "some", edited({i: {4: 0} for i in range(100, 120)})))
+    assert some.report.files[-1].damaged["far outside calibration"].count == 20
+    most = with_trial(tmp_path / "most", edited({i: {4: 0} for i in range(60, 180)}))
+    assert "angle outside calibration: 120 of 200 samples" in refused(most)
 
 
 def test_a_command_no_pump_could_mean(tmp_path: Path) -> None:

@@ -47,6 +47,7 @@ def command_line() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_parse(commands)
     _add_inspect(commands)
+    _add_init(commands)
     _add_fit(commands)
     _add_predict(commands)
     _add_diagnose(commands)
@@ -126,6 +127,24 @@ def _inspect(options: argparse.Namespace) -> None:
     print(inspection.text(), end="")
 
 
+def _add_init(commands: Commands) -> None:
+    parser = _command(
+        commands,
+        "init",
+        "draft campaign.yaml and SHA256SUMS from the logs in a folder, and draw them",
+        "spa-fo init raw/my_arm\n  spa-fo parse raw/my_arm\n\n"
+        "What it is unsure of stands as comments in campaign.yaml. It replaces nothing.",
+    )
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="logs of one actuator")
+    parser.set_defaults(run=_init)
+
+
+def _init(options: argparse.Namespace) -> None:
+    from spa_fo.api.init import init_campaign
+
+    print(init_campaign(options.folder))
+
+
 def _add_fit(commands: Commands) -> None:
     parser = _command(
         commands,
@@ -177,10 +196,12 @@ def _fit(options: argparse.Namespace) -> None:
     bounds = _bounds(options.bound)
     search_box(bounds)  # refused before the campaign is read
     spare(options.out, options.campaign)
-    result = _loaded(options.campaign).fit(
+    campaign = _loaded(options.campaign)
+    result = campaign.fit(
         seed=options.seed, whole_logs=options.whole_logs, input=options.input, bounds=bounds
     )
     result.save(options.out)
+    _tell_oddities(campaign)
     print(result)
 
 
@@ -222,9 +243,10 @@ def _predict(options: argparse.Namespace) -> None:
 
     spare(options.out, options.campaign, options.model)
     prediction = Model.load(options.model).predict(_loaded(options.campaign))
-    if prediction.note:
-        print(f"{options.model}: {prediction.note}", file=sys.stderr)
     prediction.save(options.out)
+    for note in filter(None, (prediction.stranger, prediction.note)):
+        _tell(f"{options.model}: {note}")
+    _tell_oddities(prediction.campaign)
     samples, trials = len(prediction.table), len(prediction.campaign.trials)
     print(f"{options.out}: {samples} samples of {trials} trials", file=sys.stderr)
 
@@ -266,13 +288,15 @@ def _diagnose(options: argparse.Namespace) -> None:
 
 
 def _loaded(folder: Path) -> Campaign:
-    """Read a campaign, and say what is odd about it or was left out."""
     from spa_fo.api import Campaign
 
-    campaign = Campaign.load(folder)
+    return Campaign.load(folder)
+
+
+def _tell_oddities(campaign: Campaign) -> None:
+    """Say what is odd about a campaign; only when all went well, as a refusal is one line."""
     for warning in campaign.parse_report.warnings:
-        _tell(f"{folder}: {warning}")
-    return campaign
+        _tell(f"{campaign.data.campaign.folder}: {warning}")
 
 
 def _tell(step: str) -> None:
@@ -317,6 +341,7 @@ def _plan(options: argparse.Namespace) -> None:
     standing = read_standing(options.diagnosis, campaign.name)
     plan = plan_next(campaign, standing, options.max_duration, options.max_pressure)
     plan.save(options.out)
+    _tell_oddities(campaign)
     print(plan)
 
 

@@ -165,6 +165,7 @@ class Model:
         from spa_fo.api.campaign import Campaign
         from spa_fo.api.diagnosis import Diagnosis
         from spa_fo.gap.diagnose import check_request, diagnose
+        from spa_fo.plant.belonging import strangers
 
         check_request(self.document, exclude, self.source)
         if not isinstance(campaign, Campaign):
@@ -172,6 +173,9 @@ class Model:
         tell = progress or _silent
         for warning in campaign.parse_report.warnings:
             tell(f"{campaign.name}: {warning}")
+        stranger = strangers(self.document, campaign.data.campaign)
+        if stranger:
+            tell(f"{self.source}: {stranger}")
         found = diagnose(
             campaign.data,
             self.document,

@@ -47,6 +47,13 @@ class Prediction:
         """RMS error over all samples, degrees."""
         return float(np.sqrt(np.mean(self._errors() ** 2)))
 
+    @property
+    def stranger(self) -> str | None:
+        """How model and campaign differ in what they are of, in words; None where they do not."""
+        from spa_fo.plant.belonging import strangers
+
+        return strangers(self.model.document, self.campaign.data.campaign)
+
     def save(self, path: Path | str) -> None:
         """Write the table as csv, as ``spa-fo predict`` does."""
         write_text(path, self.table.to_csv(index=False, lineterminator="\n"))
@@ -94,7 +101,7 @@ class Prediction:
         effects = f", with {', '.join(self.model.effects)}" if self.model.effects else ""
         return [
             f"rms error {self.rms_deg:.2f}° over {len(self.table)} samples{effects}",
-            *([self.note] if self.note else []),
+            *filter(None, (self.stranger, self.note)),
         ]
 
     def __str__(self) -> str:

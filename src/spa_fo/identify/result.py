@@ -22,6 +22,7 @@ from spa_fo.plant import PARAMETERS, Model
 from spa_fo.plant.estimates import KEY, QUANTITIES, Estimate, bare_estimates, uncertainty_entry
 from spa_fo.plant.paper import POINTS
 from spa_fo.rig import CampaignData, Trial
+from spa_fo.rig.plausibility import stands_still
 
 Floats = NDArray[np.float64]
 
@@ -183,8 +184,9 @@ def fit_campaign(
     Raises
     ------
     BadInput
-        The campaign holds nothing to fit; see `step_data` and `log_data`.
+        The campaign holds nothing to fit, or its angle stands still; see `step_data`, `log_data`.
     """
+    _refuse_stillness(data)
     has_steps = any(is_step(trial) for trial in data.trials)
     signal = signal or _signal_of(data)
     if has_steps and not whole_logs and signal == "command":
@@ -257,6 +259,15 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
         left_out=tuple(f"{label}: no {signal} in its log" for label in without),
         log_errors=errors,
     )
+
+
+def _refuse_stillness(data: CampaignData) -> None:
+    if all(stands_still(trial) for trial in data.trials):
+        raise BadInput(
+            data.campaign.yaml,
+            "the angle does not move in any trial; expected a measured one",
+            "log.columns.angle" if data.campaign.log.columns else "experiments",
+        )
 
 
 def _refuse_no_gain(agreement: float, data: CampaignData) -> None:

@@ -4,17 +4,17 @@ from spa_fo.rig.calibration import Calibration, Drift, Dwell
 from spa_fo.rig.campaign import (
     CalibrationFile,
     Campaign,
-    Column,
     Experiment,
-    LogFormat,
     PressureSensor,
     Provenance,
     TrialFile,
     read_campaign,
 )
+from spa_fo.rig.log_format import Column, LogFormat
 from spa_fo.rig.parse_report import Damage, FileReport, ParseReport
+from spa_fo.rig.trial import Trial
 from spa_fo.rig.trial_table import load_trials, write_trials
-from spa_fo.rig.trials import CampaignData, Trial, read_trials
+from spa_fo.rig.trials import CampaignData, read_trials
 
 __all__ = [
     "Calibration",

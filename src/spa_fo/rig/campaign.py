@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from spa_fo.errors import BadInput
 from spa_fo.rig import checksums
+from spa_fo.rig.log_format import LogFormat, log_format
 from spa_fo.validation import load_yaml, package_schema, validate
 
 Floats = npt.NDArray[np.float64]
@@ -26,30 +27,6 @@ class Provenance:
     kind: Literal["measured", "synthetic"]
     source: str = ""
     note: str = ""
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column of a csv log: value = raw·scale + offset in `unit`.
-
-    `column` is a header name, or a 1-based index.
-    """
-
-    column: str | int
-    unit: str
-    scale: float = 1.0
-    offset: float = 0.0
-    rest: Literal["zero", "keep"] = "keep"
-
-
-@dataclass(frozen=True)
-class LogFormat:
-    """How the logs are written: ``spa-rig``, or ``csv`` with the meaning of its columns."""
-
-    format: Literal["spa-rig", "csv"]
-    delimiter: str = ","
-    header: bool = True
-    columns: Mapping[str, Column] | None = None
 
 
 @dataclass(frozen=True)
@@ -254,45 +231,6 @@ def _pressure_sensor(entry: Mapping[str, Any] | None, path: Path) -> PressureSen
         float(entry["vref_mv"]),
         int(entry["adc_max"]),
     )
-
-
-def log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
-    """Return what the ``log:`` section `entry`, which holds to the schema, says.
-
-    Raises
-    ------
-    BadInput
-        It contradicts itself; `path` is the campaign.yaml that the message names.
-    """
-    if entry["format"] == "spa-rig":
-        extra = sorted(set(entry) - {"format"})
-        if extra:
-            raise BadInput(path, "belongs to format csv only", f"log.{extra[0]}")
-        return LogFormat("spa-rig")
-    header = entry.get("header", True)
-    columns = {}
-    for name, item in entry["columns"].items():
-        if not header and isinstance(item["column"], str):
-            raise BadInput(
-                path,
-                f"is '{item['column']}'; expected a 1-based index, as header is false",
-                f"log.columns.{name}.column",
-            )
-        columns[name] = Column(
-            column=item["column"],
-            unit=_unit(item.get("unit", "1")),
-            scale=float(item.get("scale", 1.0)),
-            offset=float(item.get("offset", 0.0)),
-            rest=item.get("rest", "keep"),
-        )
-    if "angle" not in columns and "flex_adc" not in columns:
-        raise BadInput(path, "expected a column 'angle' or 'flex_adc'", "log.columns")
-    return LogFormat("csv", entry.get("delimiter", ","), header, columns)
-
-
-def _unit(written: Any) -> str:
-    """Name of a unit; the dimensionless one may be written as any number 1."""
-    return str(int(written)) if isinstance(written, float) else str(written)
 
 
 def _check_sense(campaign: Campaign) -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import re
 from bisect import bisect_left
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,13 +12,20 @@ import numpy as np
 import numpy.typing as npt
 
 from spa_fo.errors import BadInput
-from spa_fo.rig.campaign import Column, LogFormat
+from spa_fo.rig import timestamps
+from spa_fo.rig.csv_header import Row, locate, take_header
+from spa_fo.rig.fields import (
+    comma_number,
+    number,
+    read_lines,
+    reason,
+    split_fields,
+)
+from spa_fo.rig.log_format import DATETIME, Column, LogFormat
 from spa_fo.rig.parse_report import FileReport, Tally
-from spa_fo.rig.raw import read_bytes
-from spa_fo.validation import suggestion
+from spa_fo.rig.timestamps import unwrapped
 
 Floats = npt.NDArray[np.float64]
-
 # To seconds, kilopascals (gauge), degrees; "1" is taken as it is.
 UNITS = {
     "s": 1.0,
@@ -34,12 +39,10 @@ UNITS = {
     "deg": 1.0,
     "rad": 180.0 / math.pi,
     "1": 1.0,
+    DATETIME: 1.0,
 }
 _FAR = 2.0  # times the length of the log
-NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3}){2,}")
-DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
-NOT_FINITE = {"nan", "inf", "infinity", "-nan", "-inf", "+inf", "na", "n/a", "null", "none"}
+_LARGEST = 1e12  # s, kPa, deg, counts: more than anything measured, and its square still a number
 
 
 @dataclass(frozen=True)
@@ -90,45 +93,53 @@ def read_csv_log(
         or fewer than two valid rows.
     """
     path = Path(path)
-    lines, whole = read_lines(path)
+    lines, whole = read_lines(path, log.encoding)
     columns = log.columns or {}
     roles = tuple(columns) if roles is None else tuple(dict.fromkeys(("time", *roles)))
     needed = {role: columns[role] for role in roles}
     rows = [
         (number, split_fields(line, log.delimiter)) for number, line in enumerate(lines, start=1)
     ]
-    header, rows = _take_header(rows, log, needed.values(), path)
-    data = [(number, row) for number, row in rows if row is not None and row[0][:1] != "#"]
-    places = _locate(needed, header, data, path)
+    _refuse_one_comma(log, lines, path)
+    head = take_header(rows, log, needed.values(), path)
+    data = [(line, row) for line, row in head.rows if row is not None and row[0][:1] != "#"]
+    places = locate(needed, head, data, path)
     tally = Tally()
-    for number, row in rows:
+    for line, row in head.rows:
         if row is None:
-            tally.add("blank", number)
-    values, numbers = _parse_rows(data, places, tally, cut=0 if whole else len(lines))
+            tally.add("blank", line)
+    fields = [
+        _Field(place, _reader(item, log), log.decimal)
+        for place, item in zip(places, needed.values(), strict=True)
+    ]
+    values, numbers = _parse_rows(data, fields, tally, cut=0 if whole else len(lines))
     _refuse_thousands(tally, data, places, path)
     raw = np.array(values, dtype=np.float64).reshape(len(numbers), len(needed))
-    with np.errstate(over="ignore"):
+    if columns["time"].unit == DATETIME:
+        place = list(needed).index("time")
+        raw[:, place] = unwrapped(raw[:, place], columns["time"].format)
+    with np.errstate(over="ignore", invalid="ignore"):
         converted = {
             role: (raw[:, i] * column.scale + column.offset) * UNITS[column.unit]
             for i, (role, column) in enumerate(needed.items())
         }
-    finite = np.all([np.isfinite(array) for array in converted.values()], axis=0)
+    finite = np.all([np.abs(array) <= _LARGEST for array in converted.values()], axis=0)
     for index in np.flatnonzero(~finite):
         tally.add("too large", numbers[index])
     numbers = [numbers[index] for index in np.flatnonzero(finite)]
     raw = raw[finite]
     converted = {role: array[finite] for role, array in converted.items()}
     keep, duplicates = _in_order(converted["time"], raw, numbers, tally)
-    comments = sum(row is not None and row[0][:1] == "#" for _, row in rows)
+    comments = sum(row is not None and row[0][:1] == "#" for _, row in head.rows)
     report = FileReport(
         name or str(path),
         lines=len(lines),
         valid=len(keep),
         damaged=tally.damage(),
         duplicates=duplicates,
-        comments=comments,
+        comments=comments + head.above,
         pauses=_pauses(converted["time"][keep]),
-        banners=0 if header is None else 1,
+        banners=head.lines,
     )
     if len(keep) < 2:
         why = report.why()
@@ -145,130 +156,74 @@ def read_csv_log(
     )
 
 
-def read_lines(path: Path) -> tuple[list[str], bool]:
-    """Return the lines without their ends, and whether the last one was ended."""
-    data = read_bytes(path, "a csv log")
-    if not data:
-        raise BadInput(path, "is empty; expected a csv log")
-    if b"\0" in data or data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise BadInput(path, "is binary or UTF-16; expected a csv log in ASCII or UTF-8")
-    text = data.decode("utf-8-sig", errors="replace")
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    whole = lines[-1] == ""
-    return (lines[:-1] if whole else lines), whole
+@dataclass(frozen=True)
+class _Field:
+    """Where a needed field stands, what reads it, and how its numbers are written."""
+
+    place: int
+    read: Callable[[str], float]
+    decimal: str
 
 
-def split_fields(line: str, delimiter: str) -> list[str] | None:
-    """Split a line into bare fields; None if it is blank."""
-    if not line.strip():
-        return None
-    fields = line.split() if delimiter in (" ", "whitespace") else line.split(delimiter)
-    return [field.strip().strip('"').strip() for field in fields]
+def _reader(item: Column, log: LogFormat) -> Callable[[str], float]:
+    if item.unit == DATETIME:
+        return timestamps.reader(item.format)
+    return number if log.decimal == "." else comma_number
 
 
-def _take_header(
-    rows: list[tuple[int, list[str] | None]],
-    log: LogFormat,
-    needed: Iterable[Column],
-    path: Path,
-) -> tuple[list[str] | None, list[tuple[int, list[str] | None]]]:
-    if not log.header:
-        return None, rows
-    wanted = {item.column for item in needed if isinstance(item.column, str)}
-    for index, (_, row) in enumerate(rows):
-        if row is None:
-            continue
-        bare = [row[0].lstrip("# "), *row[1:]]
-        if row[0][:1] != "#" or (wanted and wanted <= set(bare)):  # some writers mark it by a hash
-            return bare, rows[:index] + rows[index + 1 :]
-    raise BadInput(path, "holds no line; expected a header and rows")
-
-
-def _locate(
-    needed: Mapping[str, Column],
-    header: list[str] | None,
-    data: Sequence[tuple[int, list[str] | None]],
-    path: Path,
-) -> list[int]:
-    """Return the 0-based place of each needed column."""
-    places = []
-    for role, item in needed.items():
-        where = f"log.columns.{role}"
-        if isinstance(item.column, int):
-            places.append(item.column - 1)
-            continue
-        if header is None or item.column not in header:
-            names = [name for name in header or [] if name]
-            hint = (
-                "; the first line holds numbers: header: false?"
-                if names and all(NUMBER.fullmatch(name) for name in names)
-                else suggestion(item.column, names[:12])
-            )
-            raise BadInput(path, f"line 1 names no column '{item.column}'{hint}", where)
-        if header.count(item.column) > 1:
-            raise BadInput(path, f"line 1 names '{item.column}' twice; expected an index", where)
-        widths = Counter(len(row) - (row[-1] == "") for _, row in data if row is not None)
-        width = widths.most_common(1)[0][0] if widths else len(header)
-        named = len(header) - (header[-1] == "")
-        if width != named:
-            raise BadInput(
-                path,
-                f"the header has {named} names but the rows have {width} fields, so "
-                f"'{item.column}' could be any; expected a 1-based index",
-                where,
-            )
-        places.append(header.index(item.column))
-    return places
+def _refuse_one_comma(log: LogFormat, lines: Sequence[str], path: Path) -> None:
+    """Refuse one comma for two purposes, unless fields are in quotes."""
+    if log.decimal == log.delimiter and not any('"' in line for line in lines):
+        raise BadInput(
+            path, "is ',' as is log.delimiter; expected another, or fields in quotes", "log.decimal"
+        )
 
 
 def _parse_rows(
-    data: Sequence[tuple[int, list[str] | None]],
-    places: Sequence[int],
-    tally: Tally,
-    cut: int,
+    data: Sequence[Row], fields: Sequence[_Field], tally: Tally, cut: int
 ) -> tuple[list[list[float]], list[int]]:
     """Parse the needed fields of each row; `cut` is the number of the line without an end."""
     values, numbers = [], []
-    last = max(places)
-    for number, row in data:
+    last = max(field.place for field in fields)
+    for line, row in data:
         assert row is not None
-        if number == cut and len(row) <= last + 1:
+        if line == cut and len(row) <= last + 1:
             # Its last field may have lost digits: there is no telling.
-            tally.add("cut", number)
+            tally.add("cut", line)
         elif len(row) <= last:
-            tally.add("fields", number)
+            tally.add("fields", line)
         else:
-            texts = [row[place] for place in places]
             try:
-                found = [float(text) for text in texts]
+                values.append([field.read(row[field.place]) for field in fields])
+                numbers.append(line)
             except ValueError:
-                found = []
-            if found and all(map(math.isfinite, found)) and all(map(NUMBER.fullmatch, texts)):
-                values.append(found)
-                numbers.append(number)
-            else:
-                tally.add(_reason(texts), number)
+                tally.add(_why_none(row, fields), line)
     return values, numbers
 
 
-def _reason(texts: Sequence[str]) -> str:
-    for text in texts:
-        if not text:
-            return "empty field"
-        if text.lower() in NOT_FINITE:
-            return "nan"
-        if THOUSANDS.fullmatch(text):
-            return "thousands dots"
-        if DECIMAL_COMMA.fullmatch(text):
-            return "decimal comma"
-        if not NUMBER.fullmatch(text):
-            return "not a number"
+def _why_none(row: Sequence[str], fields: Sequence[_Field]) -> str:
+    """Say why the first needed field that cannot be read is none."""
+    for field in fields:
+        text = row[field.place]
+        try:
+            field.read(text)
+        except ValueError:
+            why = reason(text, field.decimal)
+            return (
+                "no date and time"
+                if why in (None, "not a number") and _is_time(field)
+                else why or "nan"
+            )
     return "nan"
+
+
+def _is_time(field: _Field) -> bool:
+    return field.read not in (number, comma_number)
 
 
 def _refuse_thousands(
     tally: Tally,
-    data: Sequence[tuple[int, list[str] | None]],
+    data: Sequence[Row],
     places: Sequence[int],
     path: Path,
 ) -> None:
@@ -278,7 +233,7 @@ def _refuse_thousands(
         return
     row = next(row for number, row in data if number == lines[0])
     assert row is not None
-    text = next(row[place] for place in places if THOUSANDS.fullmatch(row[place]))
+    text = next(row[place] for place in places if reason(row[place]) == "thousands dots")
     raise BadInput(
         path,
         f"'{text}' looks like thousands grouped by dots ({len(lines)} such lines), which makes "

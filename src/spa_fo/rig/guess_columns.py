@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from spa_fo.rig.campaign import Column
 from spa_fo.rig.csv_log import longest_increasing
 from spa_fo.rig.delimited import Table
+from spa_fo.rig.log_format import DATETIME, Column
+from spa_fo.rig.units import Kind, Unit, unit_of_name
 
 Floats = npt.NDArray[np.float64]
 
@@ -23,24 +26,14 @@ _WORDS = {
     "angle": "angle bend bending theta phi pitch roll yaw winkel hoek rotation deg degrees rad",
     "flex_adc": "flex adc raw counts bendsensor",
 }
-_UNIT_WORDS = {
-    "s": "s sec secs second seconds",
-    "ms": "ms msec millis milliseconds",
-    "us": "us usec micros microseconds µs μs",
-    "Pa": "pa",
-    "hPa": "hpa mbar",
-    "kPa": "kpa",
-    "bar": "bar",
-    "psi": "psi psig psia",
-    "deg": "deg degree degrees °",
-    "rad": "rad rads radian radians",
-}
-_TIME_UNITS = ("s", "ms", "us")
+_BY_NAME = "its name says so"
+_TIME_UNITS = ("s", "ms", "us", DATETIME)
 _PRESSURE_UNITS = ("Pa", "hPa", "kPa", "bar", "psi")
 _ANGLE_UNITS = ("deg", "rad")
 _ATMOSPHERE = {"Pa": 101_325.0, "hPa": 1013.25, "kPa": 101.325}  # bar and psi: too near 1 and 15
 _FEWEST = 0.05  # share of the rows that must hold a number
 _PLAUSIBLE_RATES_HZ = (4.0, 5000.0)
+_FINE = 0.5  # share of rows with a time of their own, below which a clock is a coarse one
 _MOVED = 0.02  # of a command's range
 _DEGREES_AT_LEAST = 3.5  # an angle that reaches farther is none in rad
 
@@ -62,8 +55,18 @@ class _Look:
     place: int
     values: Floats
     words: frozenset[str]
-    unit: str
+    written: Unit | None
     share: float
+
+    @property
+    def unit(self) -> str:
+        """The unit of campaign.yaml that the values are in; empty where it is not known."""
+        return self.written.unit if self.written is not None else ""
+
+    @property
+    def scale(self) -> float:
+        """What the raw numbers are to be multiplied by to be in `unit`."""
+        return self.written.scale if self.written is not None else 1.0
 
     @property
     def range(self) -> float:
@@ -74,11 +77,34 @@ class _Look:
     def repeats(self) -> float:
         return float(np.mean(np.diff(self.values) == 0.0))
 
+    @property
+    def fineness(self) -> float:
+        """Share of the rows with a value of their own."""
+        return float(np.unique(self.values).size / self.values.size)
+
     def named(self, role: str) -> bool:
         return bool(self.words & set(_WORDS[role].split()))
 
     def moves(self) -> bool:
         return bool(np.ptp(self.values) > 0.0)
+
+    def measures(self, kind: Kind) -> bool:
+        """Say whether its unit, where it has one, is one of `kind`."""
+        return self.written is None or self.written.kind == kind
+
+    def why(self) -> str:
+        """Say what its name tells, and what of its unit is in doubt."""
+        if self.written is None or self.written.kind == "other":
+            return _BY_NAME
+        scaled = f"; {self.written.written} is {self.scale:.6g} {self.unit}"
+        doubt = f"; UNSURE: {self.written.doubt}" if self.written.doubt else ""
+        return _BY_NAME + (scaled if self.scale != 1.0 else "") + doubt
+
+    def column(
+        self, unit: str, offset: float = 0.0, rest: Literal["zero", "keep"] = "keep"
+    ) -> Column:
+        """Return what campaign.yaml says of it."""
+        return Column(self.place + 1, unit, self.scale, offset + 0.0, rest)
 
 
 def guess_columns(table: Table) -> dict[str, Guess]:
@@ -99,9 +125,12 @@ def guess_columns(table: Table) -> dict[str, Guess]:
     dict of str to Guess
         Without a key ``time`` where nothing rises.
     """
-    looks = [look for place in range(table.width) if (look := _look(table, place)) is not None]
+    units = [_written_unit(table, place) for place in range(table.width)]
+    scales = [1.0 if unit is None else unit.scale for unit in units]
+    table = dataclasses.replace(table, values=table.values * scales)
+    looks = [look for i, unit in enumerate(units) if (look := _look(table, i, unit)) is not None]
     found: dict[str, Guess] = {}
-    clock = _guess_time(looks)
+    clock = _guess_time(looks, table)
     if clock is None:
         return found
     found["time"] = clock
@@ -128,17 +157,20 @@ def rest_rows(values: Floats) -> int:
     return int(np.argmax(moved)) if moved.any() else int(values.size)
 
 
-def _look(table: Table, place: int) -> _Look | None:
+def _written_unit(table: Table, place: int) -> Unit | None:
+    if place in table.stamps:
+        return Unit("", "time", DATETIME, doubt=table.stamps[place].doubt)
+    name = table.names[place] if table.names else ""
+    return unit_of_name(name, table.units[place] if table.units else "")
+
+
+def _look(table: Table, place: int, unit: Unit | None) -> _Look | None:
     column = table.values[:, place]
     values = column[np.isfinite(column)]
     if values.size < max(2, _FEWEST * column.size):
         return None
-    name = table.names[place] if table.names else ""
-    unit = table.units[place] if table.units else ""
-    words = _words(name)
-    return _Look(
-        place, values, words, _unit(words | _words(unit)), float(values.size / column.size)
-    )
+    words = _words(table.names[place] if table.names else "")
+    return _Look(place, values, words, unit, float(values.size / column.size))
 
 
 def _words(name: str) -> frozenset[str]:
@@ -147,23 +179,31 @@ def _words(name: str) -> frozenset[str]:
     return frozenset(re.findall(r"[^\W\d_]+|°", apart.lower()))
 
 
-def _unit(words: Iterable[str]) -> str:
-    words = set(words)
-    return next((unit for unit, own in _UNIT_WORDS.items() if words & set(own.split())), "")
-
-
-def _guess_time(looks: Sequence[_Look]) -> Guess | None:
-    rising = [look for look in looks if _rises(look)]
+def _guess_time(looks: Sequence[_Look], table: Table) -> Guess | None:
+    rising = [look for look in looks if look.measures("time") and _rises(look)]
     if not rising:
         return None
-    look = max(rising, key=lambda one: (_is_clock_name(one), not _counts_rows(one), -one.place))
+    look = max(
+        rising,
+        key=lambda one: (
+            one.fineness > _FINE,
+            _is_clock_name(one),
+            not _counts_rows(one),
+            -one.place,
+        ),
+    )
     unit, why = _time_unit(look)
+    if look.fineness <= _FINE:
+        why += f"; UNSURE: {1.0 / look.fineness:.3g} rows share a time, of which one is kept"
     rivals = tuple(one.place for one in rising if one is not look)
-    return Guess(look.place, Column(look.place + 1, unit), why, rivals)
+    column = look.column(unit)
+    if unit == DATETIME:
+        column = dataclasses.replace(column, format=table.stamps[look.place].format)
+    return Guess(look.place, column, why, rivals)
 
 
 def _is_clock_name(look: _Look) -> bool:
-    return look.named("time") or look.unit in _TIME_UNITS
+    return look.unit in _TIME_UNITS or (look.named("time") and look.written is None)
 
 
 def _rises(look: _Look) -> bool:
@@ -183,8 +223,11 @@ def _counts_rows(look: _Look) -> bool:
 
 
 def _time_unit(look: _Look) -> tuple[str, str]:
+    if look.unit == DATETIME:
+        doubt = look.written.doubt if look.written is not None else ""
+        return look.unit, "it holds dates and times" + (f"; UNSURE: {doubt}" if doubt else "")
     if look.unit in _TIME_UNITS:
-        return look.unit, "its name says so" if look.words else "its unit says so"
+        return look.unit, look.why() if look.words else look.why().replace("name", "unit", 1)
     steps = np.diff(look.values)
     step = float(np.median(steps[steps > 0.0]))
     rates = {"s": 1.0 / step, "ms": 1e3 / step, "us": 1e6 / step}
@@ -198,22 +241,29 @@ def _time_unit(look: _Look) -> tuple[str, str]:
 def _guess_command(
     looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]
 ) -> Guess | None:
-    named = [look for look in looks if look.named("command") and not look.named("flex_adc")]
+    named = [
+        look
+        for look in looks
+        if look.named("command")
+        and not look.named("flex_adc")
+        and look.unit not in _ANGLE_UNITS + _TIME_UNITS
+    ]
     moving = [look for look in named if look.moves()]
-    steps = [] if named else [look for look in looks if _is_stepwise(look)]
+    steps = [look for look in looks if look.measures("pressure") and _is_stepwise(look)]
+    steps = [] if named else steps
     look = next(iter([*moving, *named, *steps]), None)
     if look is None:
         return None
     unit = look.unit if look.unit in _PRESSURE_UNITS else "1"
-    why = "its name says so" if named else f"it keeps to {np.unique(look.values).size} levels"
+    why = look.why() if named else f"it keeps to {np.unique(look.values).size} levels"
     if unit == "1":
-        why += f"; unit unknown, {look.values.min():g} to {look.values.max():g}"
+        why += f"; UNSURE: unit unknown, {look.values.min():g} to {look.values.max():g}"
     first = float(look.values[0])
     offset = -first if unit != "1" and look.moves() and first == look.values.min() else 0.0
     if offset:
         why += f"; rests at {first:g}"
     rivals = tuple(one.place for one in (moving if named else steps) if one is not look)
-    return Guess(look.place, Column(look.place + 1, unit, offset=offset + 0.0), why, rivals)
+    return Guess(look.place, look.column(unit, offset), why, rivals)
 
 
 def _is_stepwise(look: _Look) -> bool:
@@ -247,10 +297,17 @@ def _guess_pressure(
         zero = rest if abs(rest / low - 1.0) < 0.05 else low
         offset, why = -zero, f"it rests at the atmosphere's {zero:g} {unit}"
     else:
-        why = "its name says so" + ("" if unit else "; unit unknown, kPa assumed")
+        why = look.why() + ("" if unit else _no_unit(look))
         offset, zero_why = _gauge_offset(look, rest, unit, command)
         why += zero_why
-    return Guess(look.place, Column(look.place + 1, unit or "kPa", offset=offset), why, rivals)
+    unit = unit or ("kPa" if look.written is None else "1")
+    return Guess(look.place, look.column(unit, offset), why, rivals)
+
+
+def _no_unit(look: _Look) -> str:
+    if look.written is None:
+        return "; UNSURE: unit unknown, kPa assumed"
+    return f"; UNSURE: {look.written.written} is no unit of pressure"
 
 
 def _gauge_offset(look: _Look, rest: float, unit: str, command: Guess | None) -> tuple[float, str]:
@@ -306,27 +363,30 @@ def _guess_angle(looks: Sequence[_Look], table: Table, found: Mapping[str, Guess
     named = [
         look
         for look in looks
-        if (look.named("angle") or look.unit in _ANGLE_UNITS) and not _is_count(look)
+        if (look.named("angle") or look.unit in _ANGLE_UNITS)
+        and look.measures("angle")
+        and not look.named("command")
+        and not _is_count(look)
     ]
     swings = [] if named else [look for look in looks if _sweeps_from_zero(look, table, found)]
+    swings = [look for look in swings if look.written is None and not look.named("pressure")]
     candidates = named or swings
     if not candidates:
         return None
     look = max(candidates, key=lambda one: one.range) if swings else candidates[0]
     unit = look.unit if look.unit in _ANGLE_UNITS else ""
-    why = "its name says so" if named else "it rests near 0 and sweeps as an angle in deg may"
+    why = look.why() if named else "it rests near 0 and sweeps as an angle in deg may"
     if not unit:
         unit = "deg" if np.abs(look.values).max() > _DEGREES_AT_LEAST else "rad"
         if named:
-            why += f"; unit unknown, {unit} by its size"
+            why += f"; UNSURE: unit unknown, {unit} by its size"
     driven = found.get("command") or found.get("pressure")
     rest = _rest_value(table, look, found.get("command")) if driven else 0.0
     zero = driven is not None and abs(rest) > 0.005 * np.ptp(look.values)
     if zero:
         why += f"; rests at {rest:.3g}"
     rivals = tuple(one.place for one in candidates if one is not look)
-    column = Column(look.place + 1, unit, rest="zero" if zero else "keep")
-    return Guess(look.place, column, why, rivals)
+    return Guess(look.place, look.column(unit, rest="zero" if zero else "keep"), why, rivals)
 
 
 def _is_count(look: _Look) -> bool:
@@ -341,12 +401,13 @@ def _sweeps_from_zero(look: _Look, table: Table, found: Mapping[str, Guess]) -> 
 
 def _guess_flex(looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]) -> Guess | None:
     named = [look for look in looks if look.named("flex_adc") and look.moves()]
-    counts = [] if named or "angle" in found else [look for look in looks if _like_counts(look)]
+    counts = [look for look in looks if look.written is None and _like_counts(look)]
+    counts = [] if named or "angle" in found else counts
     candidates = named or counts
     if not candidates:
         return None
     look = max(candidates, key=lambda one: one.range)
-    why = "its name says so" if named else "whole numbers, as an ADC gives them"
+    why = _BY_NAME if named else "whole numbers, as an ADC gives them"
     rivals = tuple(one.place for one in candidates if one is not look)
     return Guess(look.place, Column(look.place + 1, "1"), why, rivals)
 

@@ -15,10 +15,10 @@ import numpy.typing as npt
 import yaml
 
 from spa_fo.errors import BadInput
-from spa_fo.rig.campaign import Column, LogFormat
 from spa_fo.rig.csv_log import CsvLog, read_csv_log
 from spa_fo.rig.delimited import Table, read_table
 from spa_fo.rig.guess_columns import Guess, guess_columns
+from spa_fo.rig.log_format import Column, LogFormat
 from spa_fo.rig.parse_report import FileReport
 from spa_fo.rig.raw import read_bytes
 from spa_fo.rig.spa_rig_log import SpaRigLog, parse_spa_rig_log
@@ -130,6 +130,12 @@ class Inspection:
             return "log: {format: spa-rig}\n"
         header = str(self.log.header).lower()
         head = ["log:", "  format: csv", f"  delimiter: {json.dumps(self.log.delimiter)}"]
+        if self.log.decimal != ".":
+            head.append(f"  decimal: {json.dumps(self.log.decimal)}")
+        if self.log.encoding != "utf-8":
+            head.append(f"  encoding: {self.log.encoding}")
+        if self.log.header_row is not None:
+            head.append(f"  header_row: {self.log.header_row}")
         columns = [self._column_line(role, item) for role, item in (self.log.columns or {}).items()]
         missing = [] if self.complete else ["    # angle: not found; a campaign needs it, or"]
         missing += [] if self.complete else ["    # flex_adc and a calibration"]
@@ -137,6 +143,8 @@ class Inspection:
 
     def _column_line(self, role: str, item: Column) -> str:
         keys = [f"column: {_scalar(item.column)}", f"unit: {_scalar(item.unit)}"]
+        keys += [f"format: {_scalar(item.format)}"] if item.format else []
+        keys += [f"scale: {item.scale!r}"] if item.scale != 1.0 else []
         keys += [f"offset: {item.offset!r}"] if item.offset else []
         keys += [f"rest: {item.rest}"] if item.rest != "keep" else []
         return f"    {role}: {{{', '.join(keys)}}}  # {self._reason(role)}"
@@ -170,6 +178,9 @@ class Inspection:
         words = {"\t": "tabs", "whitespace": "blanks"}
         between = words.get(self.table.delimiter, f"'{self.table.delimiter}'")
         header = "a header" if self.table.header or self.table.names else "no header"
+        header += f" in line {self.table.header_row}" if self.table.header_row > 1 else ""
+        header += ", decimal commas" if self.table.decimal == "," else ""
+        header += f", {self.table.encoding}" if self.table.encoding != "utf-8" else ""
         return (
             f"{self.path}: csv, {between} between {self.table.width} columns, {header}, "
             f"{len(self.table.values)} rows"
@@ -265,7 +276,7 @@ def inspect_log(path: Path | str) -> Inspection:
         raise BadInput(
             path,
             f"holds {len(table.values)} rows of {table.width} columns, but none rises as time "
-            "does; expected a column with the time as a number",
+            "does; expected a column with the time",
         )
     log, read = _try(path, table, guesses)
     columns = log.columns or {}
@@ -388,6 +399,7 @@ def _sections(table: Table, guesses: Mapping[str, Guess]) -> Iterator[LogFormat]
         (role for role in guesses if role != "time"),
         key=lambda role: -np.count_nonzero(np.isfinite(table.values[:, guesses[role].place])),
     )
+    written = {key: getattr(table, key) for key in ("delimiter", "decimal", "encoding")}
     for kept in range(len(by_numbers), -1, -1):
         roles = [role for role in guesses if role == "time" or role in by_numbers[:kept]]
         by_index = {role: guesses[role].column for role in roles}
@@ -396,8 +408,9 @@ def _sections(table: Table, guesses: Mapping[str, Guess]) -> Iterator[LogFormat]
             for role, item in by_index.items()
         }
         if any(isinstance(item.column, str) for item in by_name.values()):
-            yield LogFormat("csv", table.delimiter, True, by_name)
-        yield LogFormat("csv", table.delimiter, table.header, by_index)
+            yield LogFormat("csv", header=True, columns=by_name, **written)
+        row = table.header_row if table.header and table.header_row > 1 else None
+        yield LogFormat("csv", header=table.header, columns=by_index, header_row=row, **written)
 
 
 def _name(table: Table, place: int) -> str | int:

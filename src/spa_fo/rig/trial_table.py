@@ -13,7 +13,7 @@ import numpy.typing as npt
 from spa_fo import atomic
 from spa_fo.errors import BadInput
 from spa_fo.rig.campaign import Campaign, Experiment, TrialFile
-from spa_fo.rig.trials import Trial
+from spa_fo.rig.trial import Trial
 
 Floats = npt.NDArray[np.float64]
 

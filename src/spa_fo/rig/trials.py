@@ -19,53 +19,25 @@ from spa_fo.rig.campaign import (
     Campaign,
     Experiment,
     PressureSensor,
-    Protocol,
     TrialFile,
 )
 from spa_fo.rig.csv_log import read_csv_log
 from spa_fo.rig.parse_report import FileReport, ParseReport, Tally
+from spa_fo.rig.plausibility import implausible
 from spa_fo.rig.protocol_check import contradiction, odd_level
 from spa_fo.rig.spa_rig_log import SpaRigLog, read_spa_rig_log
+from spa_fo.rig.trial import Trial
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
 _ONE_LEVEL = ("step", "step_release", "hold")
 _LONGEST_DROPOUT = 5  # samples
-# How far beyond the calibration, as a fraction of its range, more than what share of a trial may
-# not lie. Nearer to it the curve's line beyond its ends serves, and the samples are flagged.
-_BEYOND = ((0.25, 0.01), (0.1, 0.25))
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One trial: its valid samples, all arrays of shape (n,), no NaN anywhere.
-
-    `trial` is the 1-based place in the experiment's list, `order` the place in the campaign,
-    `started_s` campaign time; `t_s` runs from the trial's first sample. Gauge pressures in kPa,
-    None where the log holds none; angles in degrees; `flex_adc` None where the log holds angles.
-    `after_reset` marks samples whose time is an estimate, `outside_calibration` those whose flex
-    count lies beyond the calibrated range.
-    """
-
-    experiment: str
-    trial: int
-    protocol: Protocol
-    setpoint_deg: float | None
-    order: int
-    started_s: float
-    t_s: Floats
-    command_kpa: Floats | None
-    pressure_kpa: Floats | None
-    flex_adc: Floats | None
-    angle_deg: Floats
-    after_reset: Bools
-    outside_calibration: Bools
-
-    @property
-    def label(self) -> str:
-        """For messages and figures: ``step_30 trial 2``."""
-        return f"{self.experiment} trial {self.trial}"
+# Beyond the calibration, as a fraction of its range: nearer than `_FAR` the curve's line beyond its
+# ends serves, and samples are flagged; farther ones are left out. A trial that lies beyond `_NEAR`
+# for the most part is not this calibration's.
+_NEAR, _FAR = 0.1, 0.25
+_MOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -141,8 +113,8 @@ def read_trials(campaign: Campaign) -> CampaignData:
     Raises
     ------
     BadInput
-        A log that cannot be read at all, that is not what campaign.yaml says it is, or whose
-        angle leaves the calibration by far.
+        A log that cannot be read at all, that is not what campaign.yaml says it is, or that lies
+        outside the calibration for the most part; a reference pressure that cannot be.
     """
     reports: list[FileReport] = []
     calibrations = []
@@ -152,14 +124,17 @@ def read_trials(campaign: Campaign) -> CampaignData:
         reports.append(report)
     curve = calibrations[0] if calibrations else None
     trials = []
+    warnings = list(campaign.warnings)
     for experiment, number, file in campaign.trial_files():
         samples = _plausible(_read_samples(campaign, file), campaign)
+        if curve is not None:
+            samples = _within(curve, samples, file, warnings)
         _check_protocol(campaign, experiment, samples, file)
         trial, report = _to_trial(samples, experiment, number, file, curve)
         trials.append(trial)
         reports.append(report)
     _check_levels(campaign, trials)
-    warnings = [*campaign.warnings, *_overlaps(trials)]
+    warnings += [*_overlaps(trials), *implausible(campaign, trials)]
     return CampaignData(
         campaign,
         tuple(trials),
@@ -358,7 +333,6 @@ def _to_trial(
     if flex is not None and curve is not None:
         angle = curve.angle_deg(flex)
         outside = curve.outside(flex)
-        _check_within(curve, angle, file)
     elif samples.angle_deg is not None:
         angle = samples.angle_deg
         outside = np.zeros(angle.shape, dtype=np.bool_)
@@ -393,19 +367,30 @@ def _to_trial(
     return trial, report
 
 
-def _check_within(curve: Calibration, angle: Floats, file: TrialFile) -> None:
-    """Refuse a trial too much of which lies too far beyond the range (see `_BEYOND`)."""
+def _within(
+    curve: Calibration, samples: _Samples, file: TrialFile, warnings: list[str]
+) -> _Samples:
+    """Leave out samples far beyond the calibration, and refuse a trial that mostly lies there."""
+    if samples.flex_adc is None:
+        return samples
+    angle = curve.angle_deg(samples.flex_adc)
     low, high = curve.range_deg
-    for distance, share in _BEYOND:
-        margin = distance * (high - low)
-        far = (angle < low - margin) | (angle > high + margin)
-        if np.count_nonzero(far) > share * angle.size:
-            raise BadInput(
-                file.path,
-                f"angle outside calibration: {np.count_nonzero(far)} of {angle.size} samples, "
-                f"{angle.min():.0f} to {angle.max():.0f} deg, but {curve.file} covers "
-                f"{low:g} to {high:g} deg",
-            )
+    beyond = np.maximum(low - angle, angle - high) / (high - low)
+    near = np.count_nonzero(beyond > _NEAR)
+    if near > _MOST * angle.size:
+        raise BadInput(
+            file.path,
+            f"angle outside calibration: {near} of {angle.size} samples, "
+            f"{angle.min():.0f} to {angle.max():.0f} deg, but {curve.file} covers "
+            f"{low:g} to {high:g} deg",
+        )
+    far = beyond > _FAR
+    if far.any():
+        warnings.append(
+            f"{file.file}: {np.count_nonzero(far)} of {angle.size} samples lie far outside the "
+            f"calibration, {low:g} to {high:g} deg, and are left out"
+        )
+    return samples.without(far, "far outside calibration")
 
 
 def _before_first_change(samples: _Samples) -> int:

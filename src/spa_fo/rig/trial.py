@@ -1,0 +1,44 @@
+"""One trial's samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from spa_fo.rig.campaign import Protocol
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial: its valid samples, all arrays of shape (n,), no NaN anywhere.
+
+    `trial` is the 1-based place in the experiment's list, `order` the place in the campaign,
+    `started_s` campaign time; `t_s` runs from the trial's first sample. Gauge pressures in kPa,
+    None where the log holds none; angles in degrees; `flex_adc` None where the log holds angles.
+    `after_reset` marks samples whose time is an estimate, `outside_calibration` those whose flex
+    count lies beyond the calibrated range.
+    """
+
+    experiment: str
+    trial: int
+    protocol: Protocol
+    setpoint_deg: float | None
+    order: int
+    started_s: float
+    t_s: Floats
+    command_kpa: Floats | None
+    pressure_kpa: Floats | None
+    flex_adc: Floats | None
+    angle_deg: Floats
+    after_reset: Bools
+    outside_calibration: Bools
+
+    @property
+    def label(self) -> str:
+        """For messages and figures: ``step_30 trial 2``."""
+        return f"{self.experiment} trial {self.trial}"
