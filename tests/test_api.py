@@ -161,7 +161,7 @@ def test_a_prediction_knows_its_error(
     assert prediction.rms_deg == pytest.approx(campaigns.NOISE_DEG, rel=0.1)
     assert fit.model.predict(folder).rms_deg == prediction.rms_deg
     assert f"rms error {prediction.rms_deg:.2f}°" in str(prediction)
-    assert checked(prediction).rows == 3
+    assert checked(prediction).rows == 4  # both experiments, and all
     prediction.save(tmp_path / "p.csv")
     assert (tmp_path / "p.csv").read_text().startswith("experiment,trial,t_s,angle_deg,")
 

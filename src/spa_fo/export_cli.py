@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
+from spa_fo import places
 from spa_fo.cli_numbers import positive, whole
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -85,10 +86,19 @@ def add_export(commands: Commands, command: Command) -> None:
         action="store_true",
         help="export the linear part of an augmented model, which is otherwise refused",
     )
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace what FILE holds, whatever it is; without it only an earlier export",
+    )
     parser.set_defaults(run=_export)
 
 
 def _export(options: argparse.Namespace) -> None:
+    places.input_file(options.model, "a model file, as spa-fo fit makes one")
+    for path in (options.out, options.figure):
+        if path is not None:
+            places.output_file(path)
     from spa_fo.api import Model
 
     exported = Model.load(options.model).approximate(
