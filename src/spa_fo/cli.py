@@ -46,12 +46,12 @@ _A_MODEL = "a model file, as spa-fo fit makes one"
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the process's exit code is returned, or raised as SystemExit."""
-    options = command_line().parse_args(arguments)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # A terminal of another encoding shows a question mark for χ; it is no reason to fail.
-        sys.stdout.reconfigure(errors="replace")
-    keep_blas_to_one_thread()
     with interrupt_exits(), bad_input_exits(), closed_pipe_is_no_error():
+        options = command_line().parse_args(arguments)
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            # A terminal of another encoding shows a question mark for χ; it is no reason to fail.
+            sys.stdout.reconfigure(errors="replace")
+        keep_blas_to_one_thread()
         options.run(options)
     return 0
 

@@ -52,6 +52,9 @@ def interrupt_exits() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
+        # CPython ends with the signal, not with our code, where one passed through an exec (a
+        # dataclass being made); the next exec makes it forget.
+        exec("")
         print("spa-fo: stopped; nothing half-written is left", file=sys.stderr)
         raise SystemExit(EXIT_INTERRUPTED) from None
     finally:
