@@ -15,6 +15,10 @@ from spa_fo import simulate
 TRUTH = {"alpha2": 1.406, "alpha1": 1.196, "a1": 0.794, "a0": 1.638, "b0": 0.934}
 REFERENCE_KPA = 30.0
 NOISE_DEG = 0.3
+RIG_BANNER = (
+    "# spa-rig 1 board=mega2560 adc_bits=10 vref_mv=5000 rate_hz=50 "
+    "columns=seq,t_us,cmd_kpa,p_adc,flex_adc\n"
+)
 
 
 def write_sums(folder: Path) -> None:
@@ -108,3 +112,51 @@ def free_campaign(folder: Path, trials: int = 1, sign: float = 1.0) -> dict[str,
     write_yaml(folder, campaign)
     write_sums(folder)
     return campaign
+
+
+def rig_line(text: str) -> str:
+    check = 0
+    for byte in text.encode():
+        check ^= byte
+    return f"{text}*{check:02X}\n"
+
+
+def rig_trial(steps: int = 600, top: int = 306) -> str:
+    rows = [
+        rig_line(f"{i},{1000000 + 20000 * i},{27.5 if i >= 50 else 0.0:.2f},93,{top - i % 7}")
+        for i in range(steps)
+    ]
+    return RIG_BANNER + "".join(rows)
+
+
+def rig_calibration(top_deg: float) -> str:
+    rows, seq = [], 0
+    for angle in np.linspace(0.0, top_deg, 7):
+        for _ in range(100):
+            count = round(300 + 2 * angle)
+            rows.append(rig_line(f"{seq},{1000000 + 20000 * seq},{angle:.1f},{count}"))
+            seq += 1
+    banner = RIG_BANNER.replace("seq,t_us,cmd_kpa,p_adc,flex_adc", "seq,t_us,angle_deg,flex_adc")
+    return banner + "".join(rows)
+
+
+def rig_campaign(folder: Path, trial: bytes, calibration: str) -> None:
+    (folder / "step_30").mkdir(parents=True)
+    (folder / "calibration").mkdir()
+    (folder / "step_30" / "trial_01.log").write_bytes(trial)
+    (folder / "calibration" / "pre.log").write_text(calibration)
+    entry = {"file": "step_30/trial_01.log", "order": 1, "started_s": 0.0}
+    described = document(
+        folder.name,
+        [{"name": "step_30", "setpoint_deg": 30, "protocol": "step", "trials": [entry]}],
+    )
+    described["log"] = {"format": "spa-rig"}
+    described["pressure_sensor"] = {
+        "volts": [0.5, 4.5],
+        "kpa": [0.0, 551.6],
+        "vref_mv": 5000,
+        "adc_max": 1023,
+    }
+    described["calibration"] = [{"file": "calibration/pre.log", "started_s": -600}]
+    write_yaml(folder, described)
+    write_sums(folder)

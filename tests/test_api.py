@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 import campaigns
 import spa_fo
 from spa_fo import BadInput, Campaign, Diagnosis, FitResult, Model
+from spa_fo.api.overview import spark_line
 from spa_fo.api.show import card, text_table
 from spa_fo.plant.effects.library import IDS
 
@@ -105,6 +106,34 @@ def test_a_campaign_prints_its_experiments(campaign: Campaign) -> None:
     assert "synthetic data" in page.words
 
 
+def test_a_campaign_says_what_was_read(campaign: Campaign) -> None:
+    seen = campaign.overview[1]
+    assert (seen.experiment.name, seen.trials, seen.samples) == ("step_60", 3, 1200)
+    assert seen.rate_hz == pytest.approx(25.0)
+    assert seen.command_kpa == pytest.approx((0.0, 55.1), abs=0.1)
+    assert seen.pressure_kpa is None
+    low, high = seen.angle_deg
+    assert -10.0 < low < 0.0 < 60.0 < high < 75.0
+    assert seen.rest_deg is not None
+    assert max(map(abs, seen.rest_deg)) < 0.3
+    line = next(line for line in str(campaign).splitlines() if "°, at rest" in line)
+    assert line.startswith("step_30  ▁") or line.startswith("step_30  ▂")
+    assert "█" in line
+
+
+def test_a_small_line_of_blocks() -> None:
+    assert spark_line(np.arange(8.0), 8) == "▁▂▃▄▅▆▇█"
+    assert spark_line(np.zeros(100), 5) == "▁▁▁▁▁"
+    assert len(spark_line(np.arange(3.0), 40)) == 3
+
+
+def test_figures_are_saved_twice(campaign: Campaign, fit: FitResult, tmp_path: Path) -> None:
+    for thing, stem in ((campaign, "trials"), (fit.model.predict(campaign), "predicted")):
+        written = thing.save_figure(tmp_path / f"{stem}.png")
+        assert written == (tmp_path / f"{stem}.pdf", tmp_path / f"{stem}.png")
+        assert written[1].read_bytes().startswith(b"\x89PNG")
+
+
 def test_a_campaigns_table_holds_every_sample(campaign: Campaign, tmp_path: Path) -> None:
     table = campaign.table()
     assert len(table) == 6 * 400
@@ -160,8 +189,11 @@ def test_a_prediction_knows_its_error(
     prediction = fit.model.predict(campaign)
     assert prediction.rms_deg == pytest.approx(campaigns.NOISE_DEG, rel=0.1)
     assert fit.model.predict(folder).rms_deg == prediction.rms_deg
-    assert f"rms error {prediction.rms_deg:.2f}°" in str(prediction)
-    assert checked(prediction).rows == 3
+    assert f"rms error {prediction.rms_deg:.2f}°, fit {prediction.fit_percent:.1f} %" in str(
+        prediction
+    )
+    assert 95.0 < prediction.fit_percent < 100.0
+    assert checked(prediction).rows == 4  # both experiments, and all
     prediction.save(tmp_path / "p.csv")
     assert (tmp_path / "p.csv").read_text().startswith("experiment,trial,t_s,angle_deg,")
 

@@ -19,11 +19,6 @@ import yaml
 import campaigns
 from spa_fo.cli import main
 
-RIG_BANNER = (
-    "# spa-rig 1 board=mega2560 adc_bits=10 vref_mv=5000 rate_hz=50 "
-    "columns=seq,t_us,cmd_kpa,p_adc,flex_adc\n"
-)
-
 
 def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     """Run a command that must leave with 2 after exactly one line; return the line."""
@@ -218,66 +213,27 @@ def test_an_empty_trial_is_left_out_and_said(
     assert set(rows[rows.experiment == "step_30"].trial) == {2}
 
 
-def rig_line(text: str) -> str:
-    check = 0
-    for byte in text.encode():
-        check ^= byte
-    return f"{text}*{check:02X}\n"
-
-
-def rig_trial(steps: int = 600, top: int = 306) -> str:
-    rows = [
-        rig_line(f"{i},{1000000 + 20000 * i},{27.5 if i >= 50 else 0.0:.2f},93,{top - i % 7}")
-        for i in range(steps)
-    ]
-    return RIG_BANNER + "".join(rows)
-
-
-def rig_calibration(top_deg: float) -> str:
-    rows, seq = [], 0
-    for angle in np.linspace(0.0, top_deg, 7):
-        for _ in range(100):
-            count = round(300 + 2 * angle)
-            rows.append(rig_line(f"{seq},{1000000 + 20000 * seq},{angle:.1f},{count}"))
-            seq += 1
-    banner = RIG_BANNER.replace("seq,t_us,cmd_kpa,p_adc,flex_adc", "seq,t_us,angle_deg,flex_adc")
-    return banner + "".join(rows)
-
-
-def rig_campaign(folder: Path, trial: bytes, calibration: str) -> None:
-    (folder / "step_30").mkdir(parents=True)
-    (folder / "calibration").mkdir()
-    (folder / "step_30" / "trial_01.log").write_bytes(trial)
-    (folder / "calibration" / "pre.log").write_text(calibration)
-    entry = {"file": "step_30/trial_01.log", "order": 1, "started_s": 0.0}
-    document = campaigns.document(
-        folder.name,
-        [{"name": "step_30", "setpoint_deg": 30, "protocol": "step", "trials": [entry]}],
-    )
-    document["log"] = {"format": "spa-rig"}
-    document["pressure_sensor"] = {
-        "volts": [0.5, 4.5],
-        "kpa": [0.0, 551.6],
-        "vref_mv": 5000,
-        "adc_max": 1023,
-    }
-    document["calibration"] = [{"file": "calibration/pre.log", "started_s": -600}]
-    campaigns.write_yaml(folder, document)
-    campaigns.write_sums(folder)
-
-
 BAD_LOGS = {
-    "wrong banner": (rig_trial().replace("spa-rig 1", "spa-rig 7").encode(), 90.0, "line 1"),
-    "no banner": (rig_trial().partition("\n")[2].encode(), 90.0, "line 1"),
+    "wrong banner": (
+        campaigns.rig_trial().replace("spa-rig 1", "spa-rig 7").encode(),
+        90.0,
+        "line 1",
+    ),
+    "no banner": (campaigns.rig_trial().partition("\n")[2].encode(), 90.0, "line 1"),
     "all checksums wrong": (
-        RIG_BANNER.encode() + b"".join(b"%d,%d,0.00,93,354*00\n" % (i, i) for i in range(99)),
+        campaigns.RIG_BANNER.encode()
+        + b"".join(b"%d,%d,0.00,93,354*00\n" % (i, i) for i in range(99)),
         90.0,
         "checksum",
     ),
-    "truncated mid-line": ((RIG_BANNER + rig_trial()[len(RIG_BANNER) :][:11]).encode(), 90.0, ""),
+    "truncated mid-line": (
+        (campaigns.RIG_BANNER + campaigns.rig_trial()[len(campaigns.RIG_BANNER) :][:11]).encode(),
+        90.0,
+        "",
+    ),
     # 420 counts are 60 degrees.
     "angle outside calibration": (
-        rig_trial(top=420).encode(),
+        campaigns.rig_trial(top=420).encode(),
         20.0,
         "angle outside calibration",
     ),
@@ -288,7 +244,7 @@ BAD_LOGS = {
 def test_bad_rig_logs(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, top_deg, word = BAD_LOGS[case]
     folder = tmp_path / "arm"
-    rig_campaign(folder, log, rig_calibration(top_deg))
+    campaigns.rig_campaign(folder, log, campaigns.rig_calibration(top_deg))
     out = tmp_path / "model.json"
     line = refused(["fit", str(folder), "--out", str(out)], capsys)
     assert "step_30/trial_01.log" in line

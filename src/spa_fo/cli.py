@@ -1,6 +1,8 @@
 """The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``plan``, ``export``.
 
-Every command leaves with 0 when done and with 2 on bad input, after one clear line on stderr.
+Every command leaves with 0 when done, with 2 on bad input, after one clear line on stderr, and with
+130 when it was stopped by Ctrl-C. What it is given is looked at before its work is imported: a
+refusal must not wait for Numba.
 """
 
 from __future__ import annotations
@@ -10,11 +12,32 @@ import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
-from spa_fo import __version__
+from spa_fo import __version__, places
 from spa_fo.cli_numbers import positive
-from spa_fo.edge import bad_input_exits, closed_pipe_is_no_error, keep_blas_to_one_thread
+from spa_fo.cli_parser import CommandParser
+from spa_fo.cli_shared import (
+    Commands,
+    add_campaign,
+    add_command,
+    add_overwrite,
+    add_plot,
+    add_seed,
+    check_outputs,
+    in_place_of,
+    loaded_campaign,
+    spare_inputs,
+    tell,
+    tell_drawn,
+    tell_replaced,
+)
+from spa_fo.edge import (
+    bad_input_exits,
+    closed_pipe_is_no_error,
+    interrupt_exits,
+    keep_blas_to_one_thread,
+)
 from spa_fo.errors import BadInput
 from spa_fo.export_cli import add_export
 from spa_fo.rig_cli import add_rig_commands
@@ -22,24 +45,24 @@ from spa_fo.rig_cli import add_rig_commands
 if TYPE_CHECKING:
     from spa_fo.api import Campaign
 
-# The rooms are imported by the commands that need them: `--help` must not wait for Numba.
+_A_MODEL = "a model file, as spa-fo fit makes one"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the process's exit code is returned, or raised as SystemExit."""
-    options = command_line().parse_args(arguments)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # A terminal of another encoding shows a question mark for χ; it is no reason to fail.
-        sys.stdout.reconfigure(errors="replace")
-    keep_blas_to_one_thread()
-    with bad_input_exits(), closed_pipe_is_no_error():
+    with interrupt_exits(), bad_input_exits(), closed_pipe_is_no_error():
+        options = command_line().parse_args(arguments)
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            # A terminal of another encoding shows a question mark for χ; it is no reason to fail.
+            sys.stdout.reconfigure(errors="replace")
+        keep_blas_to_one_thread()
         options.run(options)
     return 0
 
 
 def command_line() -> argparse.ArgumentParser:
     """Declare every command."""
-    parser = argparse.ArgumentParser(
+    parser: argparse.ArgumentParser = CommandParser(
         prog="spa-fo",
         description="Fractional-order models of soft pneumatic actuators, from raw serial logs.",
     )
@@ -52,59 +75,48 @@ def command_line() -> argparse.ArgumentParser:
     _add_predict(commands)
     _add_diagnose(commands)
     _add_plan(commands)
-    add_export(commands, _command)
-    add_rig_commands(commands, _command)
+    add_export(commands, add_command)
+    add_rig_commands(commands, add_command)
     return parser
-
-
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
-
-
-def _command(commands: Commands, name: str, summary: str, example: str) -> argparse.ArgumentParser:
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name,
-        help=summary,
-        description=summary[0].upper() + summary[1:] + ".",
-        epilog=f"example:\n  {example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    return parser
-
-
-def _add_campaign(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "campaign", metavar="CAMPAIGN", type=Path, help="folder with campaign.yaml and the logs"
-    )
 
 
 def _add_parse(commands: Commands) -> None:
-    parser = _command(
+    parser = add_command(
         commands,
         "parse",
         "read a campaign's raw logs and say what they hold and what is damaged in them",
         "spa-fo parse raw/dragon_skin_20 --out trials.csv",
     )
-    _add_campaign(parser)
+    add_campaign(parser)
     parser.add_argument(
         "--out", metavar="FILE.csv", type=Path, help="write the angles, sample by sample"
     )
+    add_plot(parser, "every trial")
+    add_overwrite(parser)
     parser.set_defaults(run=_parse)
 
 
 def _parse(options: argparse.Namespace) -> None:
+    places.campaign_folder(options.campaign)
+    check_outputs(options)
     from spa_fo.api import Campaign
+    from spa_fo.rig.trial_table import TABLE_COLUMNS
 
     campaign = Campaign.load(options.campaign)
     if options.out:
-        from spa_fo.rig.checksums import spare
-
-        spare(options.out, options.campaign)
+        spare_inputs(options)
+        head = ",".join(TABLE_COLUMNS)
+        replaced = places.replaced_file(options.out, head, "a table of trials", options.overwrite)
         campaign.save_table(options.out)
-    print(campaign.parse_report.to_markdown())
+        samples = sum(trial.t_s.size for trial in campaign.trials)
+        tell(f"{options.out}: {samples} samples{in_place_of(replaced)}")
+    if options.plot:
+        tell_drawn(campaign.save_figure(options.plot))
+    print(f"{campaign.describe()}\n\n{campaign.parse_report.to_markdown()}")
 
 
 def _add_inspect(commands: Commands) -> None:
-    parser = _command(
+    parser = add_command(
         commands,
         "inspect",
         "say what a log of any make holds, guess its columns, and print the section for "
@@ -117,6 +129,9 @@ def _add_inspect(commands: Commands) -> None:
 
 
 def _inspect(options: argparse.Namespace) -> None:
+    places.input_file(options.file, "a csv log, or a spa-rig log")
+    if options.plot:
+        places.output_file(options.plot)
     from spa_fo.rig.inspect_log import inspect_log
 
     inspection = inspect_log(options.file)
@@ -128,7 +143,7 @@ def _inspect(options: argparse.Namespace) -> None:
 
 
 def _add_init(commands: Commands) -> None:
-    parser = _command(
+    parser = add_command(
         commands,
         "init",
         "draft campaign.yaml and SHA256SUMS from the logs in a folder, and draw them",
@@ -146,16 +161,16 @@ def _init(options: argparse.Namespace) -> None:
 
 
 def _add_fit(commands: Commands) -> None:
-    parser = _command(
+    parser = add_command(
         commands,
         "fit",
         "identify the fractional-order model of a campaign: on its up-steps, or on whole logs "
         "where it has none",
         "spa-fo fit raw/dragon_skin_20 --out model.json",
     )
-    _add_campaign(parser)
+    add_campaign(parser)
     parser.add_argument("--out", metavar="MODEL.json", type=Path, required=True)
-    _add_seed(parser, "of the swarm")
+    add_seed(parser, "of the swarm")
     parser.add_argument(
         "--whole-logs",
         action="store_true",
@@ -174,29 +189,21 @@ def _add_fit(commands: Commands) -> None:
         default=[],
         help="search a parameter (alpha2, alpha1, a1, a0, b0) within these bounds; may be repeated",
     )
+    add_overwrite(parser)
     parser.set_defaults(run=_fit)
 
 
-def _add_seed(parser: argparse.ArgumentParser, purpose: str) -> None:
-    parser.add_argument(
-        "--seed", metavar="N", type=_seed, default=1, help=f"{purpose} (default: 1)"
-    )
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"expected a whole number from 0, found {text!r}")
-    return int(text)
-
-
 def _fit(options: argparse.Namespace) -> None:
-    from spa_fo.api.campaign import search_box
-    from spa_fo.rig.checksums import spare
-
+    places.campaign_folder(options.campaign)
+    check_outputs(options)
     bounds = _bounds(options.bound)
+    from spa_fo.api.campaign import search_box
+
     search_box(bounds)  # refused before the campaign is read
-    spare(options.out, options.campaign)
-    campaign = _loaded(options.campaign)
+    spare_inputs(options)
+    campaign = loaded_campaign(options.campaign)
+    replaced = places.replaced_model(options.out, campaign.name, options.overwrite)
+    tell_replaced(options.out, replaced)
     result = campaign.fit(
         seed=options.seed, whole_logs=options.whole_logs, input=options.input, bounds=bounds
     )
@@ -220,7 +227,7 @@ def _bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def _add_predict(commands: Commands) -> None:
-    parser = _command(
+    parser = add_command(
         commands,
         "predict",
         "run a model on a campaign and write the measured and the predicted angle of every sample",
@@ -232,27 +239,37 @@ def _add_predict(commands: Commands) -> None:
     parser.add_argument(
         "model", metavar="MODEL.json", type=Path, help="plain, or augmented with effects"
     )
-    _add_campaign(parser)
+    add_campaign(parser)
     parser.add_argument("--out", metavar="FILE.csv", type=Path, required=True)
+    add_plot(parser, "measured against predicted")
+    add_overwrite(parser)
     parser.set_defaults(run=_predict)
 
 
 def _predict(options: argparse.Namespace) -> None:
+    places.input_file(options.model, _A_MODEL)
+    places.campaign_folder(options.campaign)
+    check_outputs(options)
     from spa_fo.api import Model
-    from spa_fo.rig.checksums import spare
+    from spa_fo.identify.predict import PREDICTION_COLUMNS
 
-    spare(options.out, options.campaign, options.model)
-    prediction = Model.load(options.model).predict(_loaded(options.campaign))
+    spare_inputs(options, options.model)
+    head = ",".join(PREDICTION_COLUMNS)
+    replaced = places.replaced_file(options.out, head, "a prediction", options.overwrite)
+    prediction = Model.load(options.model).predict(loaded_campaign(options.campaign))
     prediction.save(options.out)
     for note in filter(None, (prediction.stranger, prediction.note)):
-        _tell(f"{options.model}: {note}")
+        tell(f"{options.model}: {note}")
     _tell_oddities(prediction.campaign)
     samples, trials = len(prediction.table), len(prediction.campaign.trials)
-    print(f"{options.out}: {samples} samples of {trials} trials", file=sys.stderr)
+    tell(f"{options.out}: {samples} samples of {trials} trials{in_place_of(replaced)}")
+    print(prediction)
+    if options.plot:
+        tell_drawn(prediction.save_figure(options.plot))
 
 
 def _add_diagnose(commands: Commands) -> None:
-    parser = _command(
+    parser = add_command(
         commands,
         "diagnose",
         "say whether, where and why model and actuator disagree, and how far that can be repaired",
@@ -260,7 +277,7 @@ def _add_diagnose(commands: Commands) -> None:
         "Start with DIR/diagnosis.md. DIR/augmented_model.json is the model with the explanation\n"
         "in it; `predict` takes it. An answer of `unknown` is a result: the command leaves with 0.",
     )
-    _add_campaign(parser)
+    add_campaign(parser)
     parser.add_argument(
         "--model", metavar="MODEL.json", type=Path, required=True, help="plain, without effects"
     )
@@ -272,39 +289,39 @@ def _add_diagnose(commands: Commands) -> None:
         default=[],
         help="take an effect out of the library; may be repeated",
     )
-    _add_seed(parser, "of the held-out trials and the bootstrap")
+    add_seed(parser, "of the held-out trials and the bootstrap")
+    add_overwrite(parser)
     parser.set_defaults(run=_diagnose)
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    from spa_fo.api import Model
+    places.input_file(options.model, _A_MODEL)
+    places.campaign_folder(options.campaign)
+    places.output_folder(options.out)
+    from spa_fo.api import Campaign, Model
+    from spa_fo.gap.diagnose import check_request
 
-    diagnosis = Model.load(options.model).diagnose(
-        options.campaign, exclude=options.exclude_effect, seed=options.seed, progress=_tell
+    model = Model.load(options.model)
+    check_request(model.document, options.exclude_effect, options.model)
+    campaign = Campaign.load(options.campaign)
+    replaced = places.replaced_diagnosis(options.out, campaign.name, options.overwrite)
+    tell_replaced(options.out, replaced)
+    diagnosis = model.diagnose(
+        campaign, exclude=options.exclude_effect, seed=options.seed, progress=tell
     )
-    _tell("drawing")
+    tell("drawing")
     *_, page = diagnosis.save(options.out)
     print(*diagnosis.headline(), page, sep="\n")
-
-
-def _loaded(folder: Path) -> Campaign:
-    from spa_fo.api import Campaign
-
-    return Campaign.load(folder)
 
 
 def _tell_oddities(campaign: Campaign) -> None:
     """Say what is odd about a campaign; only when all went well, as a refusal is one line."""
     for warning in campaign.parse_report.warnings:
-        _tell(f"{campaign.data.campaign.folder}: {warning}")
-
-
-def _tell(step: str) -> None:
-    print(step, file=sys.stderr, flush=True)
+        tell(f"{campaign.data.campaign.folder}: {warning}")
 
 
 def _add_plan(commands: Commands) -> None:
-    parser = _command(
+    parser = add_command(
         commands,
         "plan",
         "find the pressure profile that best tells apart what a diagnosis left open, and write it",
@@ -313,7 +330,7 @@ def _add_plan(commands: Commands) -> None:
         "meant for the same actuator, in a campaign that continues this one. It goes no higher\n"
         "and no faster than the campaign did, unless told otherwise.",
     )
-    _add_campaign(parser)
+    add_campaign(parser)
     parser.add_argument("--diagnosis", metavar="DIAGNOSIS.json", type=Path, required=True)
     parser.add_argument("--out", metavar="FILE.csv", type=Path, required=True)
     parser.add_argument(
@@ -328,16 +345,22 @@ def _add_plan(commands: Commands) -> None:
         type=positive,
         help="largest command (default: the campaign's)",
     )
+    add_overwrite(parser)
     parser.set_defaults(run=_plan)
 
 
 def _plan(options: argparse.Namespace) -> None:
+    places.campaign_folder(options.campaign)
+    places.input_file(options.diagnosis, "diagnosis.json, as spa-fo diagnose writes one")
+    check_outputs(options)
     from spa_fo.api.plan import plan_next
+    from spa_fo.gap.profiles import BANNER
     from spa_fo.gap.rivals import read_standing
-    from spa_fo.rig.checksums import spare
 
-    spare(options.out, options.campaign, options.diagnosis)
-    campaign = _loaded(options.campaign)
+    spare_inputs(options, options.diagnosis)
+    replaced = places.replaced_file(options.out, BANNER, "a planned profile", options.overwrite)
+    tell_replaced(options.out, replaced)
+    campaign = loaded_campaign(options.campaign)
     standing = read_standing(options.diagnosis, campaign.name)
     plan = plan_next(campaign, standing, options.max_duration, options.max_pressure)
     plan.save(options.out)

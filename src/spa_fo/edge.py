@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 from spa_fo.errors import BadInput
 
 EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
 
 
 @contextmanager
@@ -30,6 +34,37 @@ def bad_input_exits() -> Iterator[None]:
             raise
         print(f"spa-fo: {error.filename}: {error.strerror}", file=sys.stderr)
         raise SystemExit(EXIT_BAD_INPUT) from None
+
+
+@contextmanager
+def interrupt_exits() -> Iterator[None]:
+    """Turn Ctrl-C into one line on stderr and exit code 130.
+
+    Whoever is at work puts away what was half written on the way here; a second Ctrl-C does not
+    cut that short. Where somebody else answers signals, that is left to them.
+    """
+    answers = (
+        threading.current_thread() is threading.main_thread()
+        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    )
+    if answers:
+        signal.signal(signal.SIGINT, _interrupt_once)
+    try:
+        yield
+    except KeyboardInterrupt:
+        # CPython ends with the signal, not with our code, where one passed through an exec (a
+        # dataclass being made); the next exec makes it forget.
+        exec("")
+        print("spa-fo: stopped; nothing half-written is left", file=sys.stderr)
+        raise SystemExit(EXIT_INTERRUPTED) from None
+    finally:
+        if answers:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _interrupt_once(number: int, frame: FrameType | None) -> None:
+    signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 @contextmanager

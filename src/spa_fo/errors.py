@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
 from pathlib import Path
 
 
@@ -32,3 +34,12 @@ class BadInput(Exception):
     def __reduce__(self) -> tuple[type[BadInput], tuple[Path | str, str, str]]:
         """Say how another process makes the same."""
         return type(self), self._given
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return ``"; did you mean 'x'?"`` for the known word nearest to `word`, or list them all."""
+    known = sorted(known)
+    near = difflib.get_close_matches(word, known, n=1)
+    if near:
+        return f"; did you mean '{near[0]}'?"
+    return f"; expected one of: {', '.join(known)}" if known else ""

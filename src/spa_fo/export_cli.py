@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
+from spa_fo import places
 from spa_fo.cli_numbers import positive, whole
+from spa_fo.cli_shared import add_overwrite, in_place_of, tell
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 Command: TypeAlias = Callable[[Commands, str, str, str], argparse.ArgumentParser]
@@ -85,11 +86,17 @@ def add_export(commands: Commands, command: Command) -> None:
         action="store_true",
         help="export the linear part of an augmented model, which is otherwise refused",
     )
+    add_overwrite(parser)
     parser.set_defaults(run=_export)
 
 
 def _export(options: argparse.Namespace) -> None:
+    places.input_file(options.model, "a model file, as spa-fo fit makes one")
+    for path in (options.out, options.figure):
+        if path is not None:
+            places.output_file(path)
     from spa_fo.api import Model
+    from spa_fo.export.exported import file_suffix
 
     exported = Model.load(options.model).approximate(
         method=options.method or ("oustaloup" if options.to == "oustaloup" else None),
@@ -99,9 +106,12 @@ def _export(options: argparse.Namespace) -> None:
         hold=options.hold,
         linear_part=options.linear_part,
     )
-    path = exported.save(options.to, options.out)
+    path = options.out or options.model.with_name(options.model.stem + file_suffix(options.to))
+    own = f"campaign {exported.made.model.campaign} ("  # every target's first line
+    replaced = places.replaced_file(path, own, "an export of the same campaign", options.overwrite)
+    exported.save(options.to, path)
     print(exported)
-    print(f"{path}: for {options.to}", file=sys.stderr)
+    tell(f"{path}: for {options.to}{in_place_of(replaced)}")
     if options.figure:
         drawn = exported.save_figure(options.figure)
-        print(f"{', '.join(map(str, drawn))}: Bode and step", file=sys.stderr)
+        tell(f"{', '.join(map(str, drawn))}: Bode and step")

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
+from spa_fo import places
 from spa_fo.cli_numbers import finite, positive, whole
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -142,6 +143,8 @@ def _add_record(commands: Commands, command: Command) -> None:
 
 
 def _record(options: argparse.Namespace) -> None:
+    if options.port[-1].startswith("/"):
+        places.input_file(Path(options.port[-1]), "a serial port (spa-fo ports lists them)")
     from spa_fo.rig.record_command import run_record
 
     run_record(options)
@@ -175,6 +178,11 @@ def _add_check(commands: Commands, command: Command) -> None:
 
 
 def _check(options: argparse.Namespace) -> None:
+    places.input_file(Path(options.source), "a serial port (spa-fo ports lists them), or a log")
+    if options.campaign is not None:
+        places.campaign_folder(options.campaign)
+    if options.out is not None:
+        places.output_file(options.out)
     from spa_fo.rig.check_command import run_check
 
     run_check(options)

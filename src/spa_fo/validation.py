@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import sys
 from collections.abc import Callable, Hashable, Iterable, Mapping
@@ -15,6 +14,7 @@ import jsonschema
 import yaml
 
 from spa_fo.errors import BadInput
+from spa_fo.errors import suggestion as suggestion
 
 
 def load_yaml(path: Path | str) -> Any:
@@ -100,15 +100,6 @@ def key_path(keys: Iterable[str | int]) -> str:
     for key in keys:
         text += f"[{key}]" if isinstance(key, int) else f".{key}"
     return text.removeprefix(".")
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return ``"; did you mean 'x'?"`` for the known word nearest to `word`, or list them all."""
-    known = sorted(known)
-    near = difflib.get_close_matches(word, known, n=1)
-    if near:
-        return f"; did you mean '{near[0]}'?"
-    return f"; expected one of: {', '.join(known)}" if known else ""
 
 
 # JSON takes 3.0 for a whole number; an index or a count is written 3.

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spa_fo.api.show import card, text_table
+from spa_fo.api.overview import COLUMNS, ExperimentOverview, overview, overview_text
+from spa_fo.api.show import card
 from spa_fo.errors import BadInput
 from spa_fo.rig import CampaignData, ParseReport, Trial, read_campaign, read_trials, write_trials
 
@@ -19,17 +20,6 @@ if TYPE_CHECKING:
 
     from spa_fo.api.fit import FitResult
     from spa_fo.identify import Bounds
-
-_COLUMNS = (
-    "experiment",
-    "protocol",
-    "setpoint",
-    "trials",
-    "samples",
-    "longest",
-    "command to",
-    "angle to",
-)
 
 
 def search_box(bounds: Mapping[str, tuple[float, float]] | None) -> Bounds | None:
@@ -123,6 +113,15 @@ class Campaign:
         ]
         return pd.concat(frames, ignore_index=True)
 
+    @property
+    def overview(self) -> tuple[ExperimentOverview, ...]:
+        """Each experiment at a glance: how much was read, at what rate, ranges, rest angle."""
+        return overview(self.data)
+
+    def describe(self) -> str:
+        """Say what was read: a row an experiment, and its first trial's angle as a small line."""
+        return "\n".join([self._title(), self.provenance, "", overview_text(self.overview)])
+
     def save_table(self, path: Path | str) -> None:
         """Write the samples as csv, as ``spa-fo parse --out`` does."""
         write_trials(path, self.trials)
@@ -187,25 +186,13 @@ class Campaign:
             draw["calibration"] = lambda: calibration_figure(calibration, self.data.drifts)
         return chosen(draw, what, self.provenance)
 
-    def _rows(self) -> list[list[str]]:
-        rows = []
-        for experiment in self.data.campaign.experiments:
-            trials = [trial for trial in self.trials if trial.experiment == experiment.name]
-            commands = [trial.command_kpa for trial in trials if trial.command_kpa is not None]
-            setpoint = experiment.setpoint_deg
-            rows.append(
-                [
-                    experiment.name,
-                    experiment.protocol,
-                    "" if setpoint is None else f"{setpoint:g}°",
-                    f"{len(trials)}",
-                    f"{sum(trial.t_s.size for trial in trials)}",
-                    f"{max(float(trial.t_s[-1]) for trial in trials):.1f} s",
-                    f"{max(float(c.max()) for c in commands):.1f} kPa" if commands else "",
-                    f"{max(float(trial.angle_deg.max()) for trial in trials):.1f}°",
-                ]
-            )
-        return rows
+    def save_figure(self, path: Path | str) -> tuple[Path, Path]:
+        """Draw every trial as PDF and PNG; `path` with or without either suffix."""
+        from spa_fo.api.figures import stem_of
+        from spa_fo.report.campaign_figure import campaign_figure
+        from spa_fo.report.style import save_figure
+
+        return save_figure(campaign_figure(self.data), stem_of(path), self.provenance)
 
     def _notes(self) -> list[str]:
         report = self.data.report
@@ -218,10 +205,8 @@ class Campaign:
         return f"{self.material}: {self.name}, {len(self.trials)} trials"
 
     def __str__(self) -> str:
-        notes = [f"! {note}" for note in self._notes()]
-        return "\n".join(
-            [self._title(), self.provenance, "", text_table(_COLUMNS, self._rows()), *notes]
-        )
+        return "\n".join([self.describe(), *(f"! {note}" for note in self._notes())])
 
     def _repr_html_(self) -> str:
-        return card(self._title(), [], _COLUMNS, self._rows(), self._notes(), self.provenance)
+        rows = [one.cells() for one in self.overview]
+        return card(self._title(), [], COLUMNS, rows, self._notes(), self.provenance)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from spa_fo.errors import BadInput
 from spa_fo.plant import Model as ModelDocument
 from spa_fo.plant import TransferFunction, read_model, write_model
 from spa_fo.plant.estimates import Estimate, read_estimates
+from spa_fo.plant.model_file import UNKNOWN, VERDICT
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from spa_fo.api.diagnosis import Diagnosis
     from spa_fo.api.exported import ExportedModel
     from spa_fo.api.prediction import Prediction
+    from spa_fo.gap import Diagnosis as Diagnosed
 
 
 @dataclass(frozen=True)
@@ -183,7 +185,7 @@ class Model:
             seed=seed,
             progress=tell,
         )
-        return Diagnosis(found.to_dict(), found)
+        return Diagnosis(found.to_dict(), _with_verdict(found))
 
     def approximate(
         self,
@@ -285,6 +287,14 @@ class Model:
     def _repr_html_(self) -> str:
         rows = estimate_rows(list(self.parameters.values()))
         return card(self._title(), self._lines(), COLUMNS, rows, muted=self.provenance)
+
+
+def _with_verdict(found: Diagnosed) -> Diagnosed:
+    """Let the model's file say that its diagnosis does not know the cause of the gap."""
+    if found.kind != UNKNOWN:
+        return found
+    model = replace(found.model, extra={**found.model.extra, VERDICT: found.kind})
+    return replace(found, model=model)
 
 
 def _silent(step: str) -> None:

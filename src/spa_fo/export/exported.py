@@ -15,6 +15,7 @@ from spa_fo.export.linear_part import LinearPart, linear_part
 from spa_fo.export.rational import Rational
 from spa_fo.plant import Model
 from spa_fo.plant.estimates import Estimate, read_estimates
+from spa_fo.plant.model_file import UNKNOWN, VERDICT
 
 TARGETS = ("python-control", "simulink", "oustaloup", "csv")
 SAMPLING = "sampling"
@@ -186,6 +187,11 @@ def _description(made: Exported) -> list[str]:
         f"{_method_text(approximation)}, for {band.low:.3g} to {band.high:.3g} rad/s",
         f"error of the approximation: {made.accuracy.text()}",
     ]
+    if made.model.extra.get(VERDICT) == UNKNOWN:
+        lines.append(
+            "VERDICT UNKNOWN: the diagnosis behind this model could not explain its gap, or only a "
+            "part of it; the cause that is missing is missing here too"
+        )
     if part.dead_time_s:
         lines.append(f"dead time of the drive: {part.dead_time_s:.6g} s before the input")
     if part.lags_s:

@@ -2,12 +2,13 @@
 
 Ludwick's model (Eq. 5 and 22 of arXiv:2512.18213) with its constants from the literature, where
 only the force scale that the paper does not print is fitted, in common or one for each setpoint;
-the same with all four refitted; and the linear second-order model.
+the same with all four refitted; and the linear models of integer order, with one and two poles, on
+whole logs too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from spa_fo.identify.protocol import StepData
+from spa_fo.identify.whole_log import LogData, held_response
 from spa_fo.plant.ludwick import Ludwick, ludwick_step
 from spa_fo.plant.paper import DAMPING_RATIO, NATURAL_FREQUENCY
 from spa_fo.plant.second_order import second_order_step
@@ -25,6 +27,11 @@ StepFunction = Callable[[Floats, float], Floats]
 
 _STARTING_EXPONENTS = (1.0, 1.7, 2.5)
 _STARTING_FREQUENCIES = (0.3, 1.0, 3.0)
+_STARTING_TIMES = (0.3, 1.0, 3.0)
+# Of whole logs the time scale is not known beforehand: soft arms take 0.1 to 10 s.
+_LOG_TIMES = (0.1, 0.3, 1.0, 3.0, 10.0)
+_STARTING_RATIOS = (0.3, 0.7, 2.0)
+_LINEAR_NAMES = {1: ("gain", "time_constant"), 2: ("gain", "damping_ratio", "natural_frequency")}
 # Beyond these the parameters say nothing any more; they keep the search from overflow.
 _LOWEST, _HIGHEST = 1e-3, 1e4
 
@@ -38,7 +45,7 @@ class Baseline:
     name : str
         For tables and legends.
     kind : str
-        "ludwick" or "second order".
+        "ludwick", "first order" or "second order".
     source : str
         How its parameters came about: "literature", "literature per setpoint" or "refitted".
     parameters : Mapping[str, float]
@@ -128,21 +135,79 @@ def fit_ludwick(data: StepData) -> Baseline:
 
 def fit_second_order(data: StepData) -> Baseline:
     """Fit gain, damping ratio and natural frequency of the linear second-order model."""
-
-    def step_of(p: Floats) -> StepFunction:
-        gain, zeta, omega = (float(value) for value in p)
-        return lambda t, u: u * second_order_step(t, gain, zeta, omega)
-
     level = float(np.mean(np.abs(data.angle_rad[:, -1]) / np.abs(data.u)))
     pace = 10.0 / data.t[-1]
     starts = [
         np.array([max(level, 10 * _LOWEST), DAMPING_RATIO, f * pace]) for f in _STARTING_FREQUENCIES
     ]
-    best = _fit(data, step_of, starts)
-    names = ("gain", "damping_ratio", "natural_frequency")
-    parameters = dict(zip(names, best.tolist(), strict=True))
-    name = "linear second order, refitted"
-    return Baseline(name, "second order", "refitted", parameters, names, step_of(best))
+    return _linear_baseline(_fit(data, lambda p: _scaled(_linear(p)), starts))
+
+
+def fit_first_order(data: StepData) -> Baseline:
+    """Fit gain and time constant of the linear first-order model."""
+    level = float(np.mean(np.abs(data.angle_rad[:, -1]) / np.abs(data.u)))
+    starts = [np.array([max(level, 10 * _LOWEST), t * data.t[-1] / 10.0]) for t in _STARTING_TIMES]
+    best = _fit(data, lambda p: _scaled(_linear(p)), starts)
+    return _linear_baseline(best)
+
+
+def fit_on_logs(logs: Sequence[LogData], poles: int) -> Baseline:
+    """Fit the linear model of one or two poles, with its gain, to whole logs.
+
+    Parameters
+    ----------
+    logs : sequence of LogData
+        From `log_data`.
+    poles : {1, 2}
+        Its order.
+    """
+    measured = np.concatenate([log.angle_rad[log.known] for log in logs])
+
+    def response(shape: Floats) -> Floats:
+        """Predict all known samples by the best gain: it is linear in that."""
+        unit = _linear(np.concatenate([[1.0], np.exp(shape)]))
+        parts = [held_response(log, unit)[log.known] for log in logs]
+        return np.concatenate(parts)
+
+    def gain(y: Floats) -> float:
+        return float(np.clip(y @ measured / max(float(y @ y), 1e-300), _LOWEST, _HIGHEST))
+
+    def residual(shape: Floats) -> Floats:
+        y = response(shape)
+        return np.asarray(gain(y) * y - measured)
+
+    times = np.log(_LOG_TIMES)
+    grid = (
+        [np.array([time]) for time in times]
+        if poles == 1
+        else [np.array([zeta, -time]) for zeta in np.log(_STARTING_RATIOS) for time in times]
+    )
+    starts = sorted(grid, key=lambda shape: float(np.sum(residual(shape) ** 2)))[:2]
+    limits = (np.log(_LOWEST), np.log(_HIGHEST))
+    fits = [least_squares(residual, start, bounds=limits) for start in starts]
+    shape = min(fits, key=lambda fit: float(fit.cost)).x
+    return _linear_baseline(np.concatenate([[gain(response(shape))], np.exp(shape)]))
+
+
+def _linear(p: Floats) -> Callable[[Floats], Floats]:
+    """Unit-step response: gain and time constant, or gain, damping ratio, natural frequency."""
+    if p.size == 2:
+        gain, time = float(p[0]), float(p[1])
+        return lambda t: np.asarray(-gain * np.expm1(-t / time))
+    gain, zeta, omega = (float(value) for value in p)
+    return lambda t: second_order_step(t, gain, zeta, omega)
+
+
+def _scaled(unit: Callable[[Floats], Floats]) -> StepFunction:
+    return lambda t, u: u * unit(t)
+
+
+def _linear_baseline(p: Floats) -> Baseline:
+    order = "first" if p.size == 2 else "second"
+    names = _LINEAR_NAMES[p.size - 1]
+    parameters = dict(zip(names, p.tolist(), strict=True))
+    kind, name = f"{order} order", f"linear {order} order, refitted"
+    return Baseline(name, kind, "refitted", parameters, names, _scaled(_linear(p)))
 
 
 def _ludwick(model: Ludwick) -> StepFunction:

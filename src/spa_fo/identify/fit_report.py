@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spa_fo.identify.selection import FRACTIONAL, OrderComparison
 from spa_fo.identify.uncertainty import Uncertainty
 from spa_fo.plant import PARAMETERS
 
@@ -22,6 +24,8 @@ _WIDTH = 96
 def fit_report(result: FitResult) -> str:
     """Return the report as text for one screen."""
     lines = [*head_lines(result), "", *_parameter_lines(result), "", *error_lines(result)]
+    if result.orders is not None:
+        lines += ["", *order_lines(result.orders)]
     strong = strong_correlations(result.uncertainty) if result.uncertainty else []
     if strong:
         pairs = [f"{a} {b} {value:+.4f}" for a, b, value in strong]
@@ -129,6 +133,60 @@ def error_lines(result: FitResult) -> list[str]:
         )
         for error in result.errors
     ]
+
+
+def order_lines(orders: OrderComparison) -> list[str]:
+    """Hold the model against those of integer order, a line each."""
+    independent, samples = f"{orders.independent:.0f}", f"{orders.samples}"
+    rows = [["model", "parameters", "rms", "AIC", "BIC", ""]]
+    rows += [
+        [
+            one.model,
+            f"{len(one.parameters)}",
+            f"{one.rms_deg:.3f}°",
+            _criterion(one.aic),
+            _criterion(one.bic),
+            "" if one.model == FRACTIONAL else _short(one.parameters),
+        ]
+        for one in orders.contenders
+    ]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    table = [
+        "  ".join(
+            cell.ljust(width) if i in (0, len(widths) - 1) else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    return [*table, *_wrapped("", [_choice(orders, independent, samples)], " ")]
+
+
+def _choice(orders: OrderComparison, independent: str, samples: str) -> str:
+    aic, bic = orders.best("aic"), orders.best("bic")
+    counted = (
+        f"{independent} of {samples} samples count as independent (residuals' autocorrelation)"
+    )
+    if aic is None or bic is None:
+        return f"no AIC, no BIC: only {counted}"
+    chosen = f"smallest AIC and BIC: {aic}" if aic == bic else f"smallest AIC: {aic}, BIC: {bic}"
+    return f"{chosen}; {counted}"
+
+
+def _criterion(value: float | None) -> str:
+    return "" if value is None else f"{value:.1f}"
+
+
+_SYMBOLS = {
+    "gain": ("K", " rad"),
+    "damping_ratio": ("ζ", ""),
+    "natural_frequency": ("ωn", " rad/s"),
+    "time_constant": ("τ", " s"),
+}
+
+
+def _short(parameters: Mapping[str, float]) -> str:
+    words = [(*_SYMBOLS[name], value) for name, value in parameters.items()]
+    return ", ".join(f"{symbol} {value:.3g}{unit}" for symbol, unit, value in words)
 
 
 def _wrapped(lead: str, words: list[str], joint: str) -> list[str]:

@@ -16,6 +16,8 @@ from spa_fo.identify.bounds import Bounds
 from spa_fo.identify.moderate import WORTH, moderate_optimum
 from spa_fo.identify.polish import Optimum, fit_optimum
 from spa_fo.identify.protocol import StepData, is_step, step_data
+from spa_fo.identify.selection import KEY as ORDERS
+from spa_fo.identify.selection import OrderComparison, compare_on_logs, compare_on_steps
 from spa_fo.identify.uncertainty import Uncertainty, assess
 from spa_fo.identify.whole_log import LogData, fit_whole_logs, input_of, log_data, log_errors
 from spa_fo.plant import PARAMETERS, Model
@@ -78,6 +80,8 @@ class FitResult:
         None for whole logs.
     log_errors : (6,) array or None
         Standard errors of `QUANTITIES` for whole logs; None for up-steps and for a single log.
+    orders : OrderComparison or None
+        The model beside those of integer order, on the same samples.
     left_out : tuple of str
         Trials not used, and why.
     data : StepData or None
@@ -95,6 +99,7 @@ class FitResult:
     left_out: tuple[str, ...]
     data: StepData | None = None
     log_errors: Floats | None = None
+    orders: OrderComparison | None = None
 
     @property
     def gain(self) -> float:
@@ -140,6 +145,7 @@ class FitResult:
             "log_errors": None
             if self.log_errors is None
             else dict(zip(QUANTITIES, self.log_errors, strict=True)),
+            "orders": None if self.orders is None else self.orders.to_dict(),
             "left_out": self.left_out,
             "warnings": self.warnings,
         }
@@ -221,8 +227,9 @@ def _fit_steps(
     response = np.outer(steps.u, step_map(steps.t).response(optimum.x))
     _refuse_no_gain(float(np.sum(response * steps.angle_rad)), data)
     uncertainty = None if bootstrap is None else assess(steps, optimum, seed, bootstrap)
+    orders = compare_on_steps(steps, optimum)
     return FitResult(
-        model=_recorded(_model(data, optimum, "command"), data, uncertainty, None),
+        model=_recorded(_model(data, optimum, "command"), data, uncertainty, None, orders),
         fitted_on=ON_STEPS,
         provenance=data.campaign.provenance.kind,
         optimum=optimum,
@@ -232,6 +239,7 @@ def _fit_steps(
         uncertainty=uncertainty,
         left_out=steps.left_out,
         data=steps,
+        orders=orders,
     )
 
 
@@ -247,8 +255,9 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
     _refuse_no_gain(agreement, data)
     without = [trial.label for trial in data.trials if input_of(trial, signal) is None]
     errors = log_errors(logs, optimum)
+    orders = compare_on_logs(logs, optimum)
     return FitResult(
-        model=_recorded(_model(data, optimum, signal), data, None, errors),
+        model=_recorded(_model(data, optimum, signal), data, None, errors, orders),
         fitted_on=ON_WHOLE_LOGS,
         provenance=campaign.provenance.kind,
         optimum=optimum,
@@ -258,6 +267,7 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
         uncertainty=None,
         left_out=tuple(f"{label}: no {signal} in its log" for label in without),
         log_errors=errors,
+        orders=orders,
     )
 
 
@@ -326,9 +336,13 @@ def _known(error: float) -> float | None:
 
 
 def _recorded(
-    model: Model, data: CampaignData, uncertainty: Uncertainty | None, errors: Floats | None
+    model: Model,
+    data: CampaignData,
+    uncertainty: Uncertainty | None,
+    errors: Floats | None,
+    orders: OrderComparison,
 ) -> Model:
-    """Let the model's file say what it rests on: provenance, sampling, uncertainty."""
+    """Let the model's file say what it rests on: provenance, sampling, uncertainty, rivals."""
     intervals = [np.median(np.diff(trial.t_s)) for trial in data.trials]
     extra: dict[str, Any] = {
         "provenance": asdict(data.campaign.provenance),
@@ -337,6 +351,7 @@ def _recorded(
     estimates = _estimates(model, uncertainty, errors)
     if estimates[0].kind:
         extra[KEY] = uncertainty_entry(estimates)
+    extra[ORDERS] = orders.to_dict()
     return replace(model, extra=extra)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -89,6 +89,39 @@ def log_data(
         _resample(trial, reference_kpa, signal, max(1.0, total / SAMPLE_LIMIT), source)
         for trial in usable
     ]
+
+
+def held_response(log: LogData, unit_step: Callable[[Floats], Floats]) -> Floats:
+    """Return the response of a linear model, known by its unit step, to a log's input.
+
+    Parameters
+    ----------
+    log : LogData
+        On its uniform grid; at rest before it begins.
+    unit_step : callable
+        Times from 0 (s) to the response to a unit step.
+
+    Returns
+    -------
+    (n,) array
+        In the step's unit.
+    """
+    after = unit_step(log.t)
+    rises = np.diff(log.u, prepend=0.0)
+    if log.hold == "zero":
+        return _convolved(rises, after)
+    # A rise that is spread evenly over an interval: the mean of the step response over it.
+    middle = unit_step(log.t[:-1] + 0.5 * log.t[1])
+    spread = (after[:-1] + 4.0 * middle + after[1:]) / 6.0
+    response: Floats = log.u[0] * after
+    response[1:] += _convolved(rises[1:], spread)
+    return response
+
+
+def _convolved(a: Floats, b: Floats) -> Floats:
+    """Return the first values of the convolution of two arrays of one length."""
+    size = 2 * a.size
+    return np.asarray(np.fft.irfft(np.fft.rfft(a, size) * np.fft.rfft(b, size), size)[: a.size])
 
 
 def input_of(trial: Trial, signal: str) -> Floats | None:

@@ -15,6 +15,9 @@ from spa_fo.plant.transfer_function import PARAMETERS, TransferFunction
 
 SCHEMA = "spa-fo/model/1"
 SIGNALS = ("command", "pressure")
+VERDICT = "verdict"
+"""Key of an augmented model: how its diagnosis ended, where it ended as `UNKNOWN`."""
+UNKNOWN = "unknown"
 _OWN_KEYS = (
     "schema",
     "campaign",

@@ -25,7 +25,7 @@ _COLUMNS = 3
 
 @styled
 def campaign_figure(data: CampaignData) -> Figure:
-    """Draw every trial: a panel for each experiment, the first trial's command behind.
+    """Draw every trial: a panel for each experiment, the first trial's input behind.
 
     Parameters
     ----------
@@ -51,11 +51,13 @@ def campaign_figure(data: CampaignData) -> Figure:
                 linewidth=0.8,
             )
         first = trials[0]
-        if first.command_kpa is not None:
+        commanded = first.command_kpa is not None
+        behind = first.command_kpa if commanded else first.pressure_kpa
+        if behind is not None:
             right = axes.twinx()
             right.step(
                 first.t_s,
-                first.command_kpa,
+                behind,
                 where="post",
                 color=ORANGE,
                 linestyle=":",
@@ -63,11 +65,13 @@ def campaign_figure(data: CampaignData) -> Figure:
             )
             right.spines["right"].set_visible(True)
             right.grid(visible=False)
-            right.set_ylabel("command (kPa)", color=ORANGE)
-        count = f"{len(trials)} trials, early ones lighter" if len(trials) > 1 else "1 trial"
+            word = "command" if commanded else "pressure"
+            right.set_ylabel(f"{word} (kPa)", color=ORANGE)
+        count = f"{len(trials)} trials" if len(trials) > 1 else "1 trial"
         axes.set_title(f"{experiment.name}: {count}", loc="left")
         axes.set_xlabel("time (s)")
         axes.set_ylabel("angle (°)", color=BLUE)
+    figure.suptitle("all trials, early ones lighter; dotted: the first one's input", fontsize=7)
     return figure
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from spa_fo.identify.goodness import fit_percent, rms_error
 from spa_fo.identify.uncertainty import LEVELS
 from spa_fo.report.style import (
     BLACK,
@@ -161,9 +162,11 @@ def log_figure(panels: Sequence[LogPanel], model_label: str) -> Figure:
         error = panel.measured_deg - panel.predicted_deg
         residual.plot(panel.t_s, error, color=VERMILION, linestyle="-", linewidth=0.7)
         residual.axhline(0.0, color=BLACK, linestyle="-", linewidth=0.5)
-        rms = float(np.sqrt(np.mean(error**2)))
-        residual.set_title(f"measured − predicted, RMS {rms:.2f}°", loc="left")
-        residual.set_ylabel("(°)")
+        rms = rms_error(panel.measured_deg, panel.predicted_deg)
+        fit = fit_percent(panel.measured_deg, panel.predicted_deg)
+        shown = "" if np.isnan(fit) else f", fit {fit:.1f} %"
+        residual.set_title(f"RMS {rms:.2f}°{shown}", loc="left")
+        residual.set_ylabel("meas. − pred. (°)")
     axes_of["log 0"].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
     for name in ("log", "residual"):
         axes_of[f"{name} {len(panels) - 1}"].set_xlabel("time (s)")

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spa_fo.errors import BadInput
+from spa_fo.places import campaign_folder
 from spa_fo.rig import checksums
 from spa_fo.rig.log_format import LogFormat, log_format
 from spa_fo.validation import load_yaml, package_schema, validate
@@ -129,11 +130,7 @@ def read_campaign(folder: Path | str) -> Campaign:
         or the earliest calibration are empty, or bytes are not those of SHA256SUMS.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise BadInput(folder, "is not there; expected a campaign folder with campaign.yaml")
-    path = folder / "campaign.yaml"
-    if not path.is_file():
-        raise BadInput(path, "is missing; expected the description of the campaign")
+    path = campaign_folder(folder)
     document = load_yaml(path)
     validate(document, package_schema("spa_fo.rig", "campaign.schema.yaml"), path)
     campaign = build_campaign(document, folder)

@@ -340,7 +340,7 @@ def _to_trial(
         raise BadInput(file.path, "holds flex counts, but campaign.yaml names no calibration")
     notes = samples.report.notes
     if samples.rest == "zero":
-        before = _before_first_change(samples)
+        before = before_first_change(samples)
         angle = angle - angle[:before].mean()
         if before == angle.size:
             notes += ("its input never changes: its zero is the mean of the whole log",)
@@ -393,7 +393,7 @@ def _within(
     return samples.without(far, "far outside calibration")
 
 
-def _before_first_change(samples: _Samples) -> int:
+def before_first_change(samples: _Samples | Trial) -> int:
     """Count the samples before the input first leaves its first value."""
     if samples.command_kpa is not None:
         signal, threshold = samples.command_kpa, 0.02
