@@ -52,14 +52,14 @@ def first_step(document: Mapping[str, Any]) -> str:
 
 def _answer(document: Mapping[str, Any]) -> str:
     verdict = document["verdict"]
-    sets = [f"{phrase(ids)} ({percent(_probability(document, ids))})" for ids in verdict["sets"]]
+    sets = [f"{phrase(ids)} ({percent(probability(document, ids))})" for ids in verdict["sets"]]
     if verdict["kind"] == "no_gap":
         return "No gap: the model stands as it is."
     if verdict["kind"] == "cause":
         return f"Cause: {sets[0]}."
     if verdict["kind"] == "ambiguous":
         return f"Ambiguous, these data cannot tell apart: {joined(sets, 'and')}."
-    chance = percent(_probability(document, ["unknown"]))
+    chance = percent(probability(document, ["unknown"]))
     lacking = f"Unknown: nothing in the library explains it ({chance})"
     return f"{lacking}; a part is like {phrase(verdict['sets'][0])}." if sets else f"{lacking}."
 
@@ -86,13 +86,14 @@ def _held_out(document: Mapping[str, Any]) -> bool:
     return bool(document["evidence"].get("held_out", True))
 
 
-def _probability(document: Mapping[str, Any], ids: Sequence[str]) -> float:
+def probability(document: Mapping[str, Any], ids: Sequence[str]) -> float:
+    """Return the probability of a set of effects, of ``none`` or of ``unknown``."""
     return float(sum(c["probability"] for c in document["causes"] if set(c["set"]) == set(ids)))
 
 
 def _how_sure(document: Mapping[str, Any], ids: Sequence[str]) -> str:
-    probability = _probability(document, ids)
-    return f"{likelihood(probability)}, {percent(probability)}"
+    share = probability(document, ids)
+    return f"{likelihood(share)}, {percent(share)}"
 
 
 # --- two sentences for the bench ----------------------------------------------------------------
@@ -132,7 +133,7 @@ def _blamed(document: Mapping[str, Any]) -> str:
     if kind == "ambiguous":
         first = f"{_together(sets[0])} ({_how_sure(document, sets[0])})"
         others = [
-            f"{_together(ids)} ({percent(_probability(document, ids))})"
+            f"{_together(ids)} ({percent(probability(document, ids))})"
             for ids in sets[1:_MOST_SETS]
         ]
         found = [first, *others]
