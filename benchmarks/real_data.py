@@ -106,7 +106,8 @@ def run(name: str, data: Path, work: Path) -> tuple[TransferFunction, Diagnosis]
     print(name, fitted.report(), sep="\n")
     diagnosis = diagnose_files(folder, model, seed=SEED, progress=print)
     write_report(diagnosis, OUT / name)
-    for beside in [*(OUT / name).glob("*.pdf"), OUT / name / "augmented_model.json"]:
+    others = (OUT / name / "augmented_model.json", OUT / name / "diagnosis.html")
+    for beside in [*(OUT / name).glob("*.pdf"), *others]:
         beside.unlink()
     return fitted.model.transfer_function, diagnosis
 

@@ -204,7 +204,7 @@ def test_a_diagnosis_prints_saves_and_loads(
     assert diagnosis.kind == "cause"
     assert diagnosis.causes == (("parameter_shift",),)
     *_, page = diagnosis.save(tmp_path / "d")
-    assert page.name == "diagnosis.md"
+    assert page.name == "diagnosis.html"
     again = Diagnosis.load(tmp_path / "d")
     assert str(again) == str(diagnosis)
     assert checked(again).rows >= 4

@@ -82,7 +82,7 @@ def test_no_gap_is_an_answer(
     captured = capsys.readouterr()
     answer, _, page = captured.out.splitlines()
     assert answer == "No gap: the model stands as it is."
-    assert Path(page) == out / "diagnosis.md"
+    assert Path(page) == out / "diagnosis.html"
     assert captured.err.startswith("fitting explanations of the angle")
     document = json.loads((out / "diagnosis.json").read_text())
     assert document["verdict"] == {"kind": "no_gap", "sets": [], "next_experiment": None}

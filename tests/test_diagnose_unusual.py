@@ -95,7 +95,8 @@ def test_a_vacuum_has_an_answer_though_no_profile(
         module, "_verdict", lambda *given: replace(judged(*given), kind="ambiguous")
     )
     found = answer(folder, softer, tmp_path / "out", *FEW)
-    assert found["verdict"]["next_experiment"].startswith("No profile can be planned")
+    assert 1 <= len(found["next_steps"]) <= 3
+    assert found["verdict"]["next_experiment"]
 
 
 def test_logs_of_a_constant_command_set_no_limit_to_its_rate(tmp_path: Path) -> None:

@@ -11,21 +11,23 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Shrink, Traces, Where
+from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Shrink, Step, Traces, Where
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.report.causes import percent
 from spa_fo.report.diagnosis import document, verdict, write_report
 from spa_fo.report.diagnosis_figures import (
     before_after_figure,
     gap_figure,
     has_stages,
     ladder_figure,
-    percent,
-    rms,
     stages_figure,
 )
 from spa_fo.report.effect_words import EFFECT_WORDS, parameter_words, phrase
+from spa_fo.report.experiments import rms
+from spa_fo.report.glossary import typical
 from spa_fo.report.headline import headline
+from spa_fo.report.parameter_words import PARAMETER_MEANS
 
 PLAIN = Model("bench", "rubber", TransferFunction(1.4, 1.2, 0.8, 1.6, 0.9), 30.0)
 STAGES = {"drive": 0.1, "actuator": 0.83, "sensor": 0.07, "acquisition": 0.0}
@@ -124,6 +126,7 @@ NO_GAP = diagnosis(
     sets=(),
     shrink=None,
     misses=("a long hold: creep shows there", "measured pressure"),
+    next_steps=(Step("record a long hold", "creep shows there"),),
 )
 AMBIGUOUS = diagnosis(
     causes=(
@@ -134,7 +137,14 @@ AMBIGUOUS = diagnosis(
     ),
     kind="ambiguous",
     sets=(("creep",), ("sensor_creep",)),
-    next_experiment="a calibration with dwells of 60 s",
+    next_experiment="Calibrate with dwells of 60 s: the film alone creeps there.",
+    next_steps=(
+        Step(
+            "calibrate with dwells of 60 s",
+            "the film alone creeps there",
+            (("creep",), ("sensor_creep",)),
+        ),
+    ),
 )
 UNEXPLAINED = diagnosis(
     causes=(replace(UNKNOWN, probability=0.97), replace(CREEP, probability=0.02), NONE),
@@ -192,7 +202,7 @@ def test_no_gap_blames_nothing() -> None:
     assert "no gap: 98 % probable" in sections(text)["The verdict"]
     assert "creep of the material" not in sections(text)["The verdict"]
     assert "Use the model as it is." in sections(text)["What to do next"]
-    assert "a long hold and measured pressure." in sections(text)["What to do next"]
+    assert "**Record a long hold**: creep shows there." in sections(text)["What to do next"]
     assert sections(text)["How far it shrinks"] == "There is no gap to close."
 
 
@@ -203,7 +213,9 @@ def test_an_ambiguous_verdict_names_every_set_and_what_would_decide() -> None:
         in (page["The verdict"])
     )
     assert "The cause is" not in page["The verdict"]
-    assert "**To decide:** a calibration with dwells of 60 s." in page["What to do next"]
+    (step,) = [line for line in page["What to do next"].splitlines() if "Calibrate" in line]
+    assert step.startswith("- **Calibrate with dwells of 60 s**: the film alone creeps there. ")
+    assert step.endswith("It tells creep of the material from creep of the sensor.")
 
 
 def test_unknown_trusts_no_name() -> None:
@@ -236,21 +248,40 @@ def test_causes_left_out_of_the_table_are_added_up() -> None:
     assert table["others together"][0] == percent(1.0 - 0.83 - 0.05 - 0.02)
 
 
-def test_parameters_have_intervals_and_units() -> None:
-    table = rows(sections(document(diagnosis()))["Which cause"])
-    assert table["creep of the material"][1] == "per decade 0.0349 (0.0336 to 0.0362), decades 1.03"
-    assert table["pneumatic lag of the line + slip of the sensor"][1] == (
-        "pneumatic lag of the line: time constant 0.15 (0.14 to 0.16) s; "
-        "slip of the sensor: walk 0.2 (0.1 to 0.3)° per trial"
-    )
-    assert table["creep of the material"][2] == "0.62"
+def parameters(page: str) -> dict[tuple[str, str], list[str]]:
+    lines = [line for line in sections(page)["The parameters"].splitlines() if " | " in line]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return {(row[0], row[1]): row[2:6] for row in cells}
+
+
+def test_parameters_stand_one_a_row_with_interval_unit_and_typical_size() -> None:
+    page = document(diagnosis())
+    table = parameters(page)
+    creep = "creep of the material"
+    assert table[creep, "per decade"] == ["0.0349", "0.0336 to 0.0362", "", "up to 0.05"]
+    assert table[creep, "decades"] == ["1.03", "", "", "0.56 to 1.8"]
+    assert table["pneumatic lag of the line", "time constant"][:3] == ["0.15", "0.14 to 0.16", "s"]
+    assert table["slip of the sensor", "walk"] == [
+        *("0.2", "0.1 to 0.3", "° per trial", "−0.3 to 0.3"),
+    ]
+    causes = rows(sections(page)["Which cause"])
+    assert causes[creep] == ["83 %", "likely", "0.62"]
+    assert max(len(re.findall(r"\d+\.\d+", cell)) for row in causes.values() for cell in row) <= 1
 
 
 def test_large_and_negative_numbers_are_written_out() -> None:
     values = {"rise_kpa_s": {"value": 1389.6, "ci95": [-461.2, 4190.0]}}
     cause = Cause(("slew_limit",), 0.83, {"slew_limit": values}, {})
-    table = rows(sections(document(diagnosis(causes=(cause, NONE, UNKNOWN))))["Which cause"])
-    assert table["slew limit of the drive"][1] == "rise 1390 (−461 to 4190) kPa/s"
+    table = parameters(document(diagnosis(causes=(cause, NONE, UNKNOWN))))
+    assert table["slew limit of the drive", "rise"][:3] == ["1390", "−461 to 4190", "kPa/s"]
+
+
+def test_every_parameter_of_the_library_has_a_meaning_and_a_typical_size() -> None:
+    for effect in LIBRARY.values():
+        names = {parameter.name for parameter in effect.parameters}
+        assert names == set(PARAMETER_MEANS[effect.id]) or effect.id == "parameter_shift"
+        for parameter in effect.parameters:
+            assert re.fullmatch(r"(up to )?[−\d.]+( to [−\d.]+)?", typical(parameter))
 
 
 def test_the_shrink_stands_beside_refit_ceiling_and_floor() -> None:
@@ -288,7 +319,7 @@ def test_the_page_says_what_the_data_are_and_what_was_withheld() -> None:
 def test_evidence_findings_and_baselines_are_told() -> None:
     page = sections(document(replace(NO_GAP, offers=("4 trials: step, hold",))))
     assert "- 4 trials: step, hold." in page["What the evidence is"]
-    assert "- A long hold: creep shows there." in page["What the evidence is"]
+    assert "It lacks a long hold and measured pressure." in page["What the evidence is"]
     assert "- Nothing else stands out." in page["Findings"]
     assert "smallest BIC: gravity; commonest effect: no effect." in page["Findings"]
 
@@ -457,7 +488,9 @@ def test_the_files_are_written_and_show_something(tmp_path: Path) -> None:
     assert {path.name for path in files} | machines == {path.name for path in tmp_path.iterdir()}
     page = (tmp_path / "diagnosis.md").read_text(encoding="utf-8")
     pictures = re.findall(r"\]\((\w+\.png)\)", page)
-    assert sorted(pictures) == ["before_after.png", "gap.png", "ladder.png", "stages.png"]
+    assert sorted(pictures) == [
+        *("before_after.png", "gap.png", "ladder.png", "opening.png", "stages.png")
+    ]
     for name in pictures:
         assert imread(tmp_path / name)[..., :3].std() > 0.02
         assert (tmp_path / name).with_suffix(".pdf").read_bytes().startswith(b"%PDF")

@@ -21,10 +21,12 @@ import campaigns
 from plant_cases import KPA, X, campaign_data, parameters, trials, triangle
 from spa_fo.cli import main
 from spa_fo.errors import BadInput
+from spa_fo.gap.diagnosis import Cause
 from spa_fo.gap.evidence import collect, curve_columns
 from spa_fo.gap.explain import COEFFICIENT_SPREAD, SCALES, TIMING_S, paced, to_x, to_z
 from spa_fo.gap.foresight import Bench, Foresight
-from spa_fo.gap.plan import SEPARABLE, advise, next_experiment, plan, recommendation, runs, table
+from spa_fo.gap.next_steps import next_steps
+from spa_fo.gap.plan import SEPARABLE, advise, plan, plan_few, recommendation, runs, table
 from spa_fo.gap.profiles import (
     BANNER,
     COLUMNS,
@@ -413,8 +415,8 @@ def test_twins_are_filters_of_one_kind() -> None:
 # --- verdicts ---------------------------------------------------------------------------------
 
 
-def advice(kind: str, *rivals: Rival, misses: Sequence[str] = (), names: tuple[str, ...] = FEW):
-    standing = Standing(kind, rivals, None, FLOOR_DEG, tuple(misses))
+def advice(kind: str, *rivals: Rival, names: tuple[str, ...] = FEW):
+    standing = Standing(kind, rivals, None, FLOOR_DEG)
     return advise(standing, UP_STEPS, limits_of(UP_STEPS.grid), names)
 
 
@@ -438,25 +440,31 @@ def test_no_gap_leaves_nothing_to_separate() -> None:
     assert "\n" not in found.text
 
 
-def test_unknown_proposes_the_richest_profile_and_names_what_is_missing() -> None:
-    found = advice("unknown", one("leak"), misses=("measured pressure", "a long hold"))
+def test_unknown_proposes_the_richest_profile() -> None:
+    found = advice("unknown", one("leak"))
     assert found.profile.name == "rich"
     assert "beyond leak" in found.text
-    assert "measured pressure; a long hold" in found.text
-    short = advise(Standing("unknown", (), None, 0.4, ()), UP_STEPS, Limits(50.0, 15.0))
+    short = advise(Standing("unknown", (), None, 0.4), UP_STEPS, Limits(50.0, 15.0))
     assert short.profile.duration_s <= 15.0
 
 
-def test_a_diagnosis_is_told_what_to_do_next() -> None:
+def test_a_diagnosis_plans_for_its_leading_explanations() -> None:
     data = campaign_data(trials(*(up_step(kpa) for kpa in (27.0, 55.0, 27.0, 55.0))))
     sets = [("hysteresis",), ("creep",)]
     values = [{name: parameters(name)} for (name,) in sets]
-    text, profile = next_experiment(
-        "ambiguous", sets, values, [COEFFICIENTS] * 2, collect(data), FLOOR_DEG
-    )
-    assert "separate hysteresis from creep" in text
-    assert profile.name in FEW
-    assert profile.words.lower() in text.lower()
+    made = plan_few(sets, values, [COEFFICIENTS] * 2, collect(data), FLOOR_DEG)
+    assert "separate hysteresis from creep" in recommendation(made)
+    assert made.best.name in FEW
+    assert made.best.words.lower() in recommendation(made).lower()
+
+    causes = [
+        Cause(ids, share, own, COEFFICIENTS)
+        for ids, share, own in zip(sets, (0.6, 0.3), values, strict=True)
+    ]
+    (step,) = next_steps("ambiguous", sets, causes, collect(data), FLOOR_DEG)
+    assert step.do.startswith(f"run {made.best.words}")
+    assert step.apart == (("hysteresis",), ("creep",))
+    assert "noise floors" in step.why
 
 
 def test_many_explanations_are_not_told_pair_by_pair() -> None:
@@ -516,7 +524,6 @@ def test_a_diagnosis_is_read(tmp_path: Path) -> None:
     assert standing.plain is not None
     assert standing.plain.ids == ()
     assert (standing.kind, standing.floor_deg) == ("ambiguous", 0.4)
-    assert standing.misses == ("a long hold",)
 
 
 def test_values_beyond_their_bounds_are_taken_to_them() -> None:

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from spa_fo.report.ablation import _curve_panel
 from spa_fo.report.figures import Curve, StepPanel, step_figure
+from spa_fo.report.published import PublishedMaterial, told_apart
 from spa_fo.report.style import ONE_COLUMN_IN, TWO_COLUMNS_IN, mark_provenance
-from spa_fo.report.summary import PublishedMaterial, told_apart
 
 
 def panel(number: int, trials: int = 3) -> StepPanel:

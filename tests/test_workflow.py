@@ -54,6 +54,7 @@ def test_every_result_is_there_and_says_where_its_data_come_from(finished: Path)
         diagnosis = json.loads((results / material / "diagnosis" / "diagnosis.json").read_text())
         assert diagnosis["campaign"] == model["campaign"]
         assert f"({material}/diagnosis/diagnosis.md)" in summary
+        assert f"({material}/diagnosis/diagnosis.html)" in summary
         augmented = results / material / "diagnosis" / "augmented_model.json"
         explained = diagnosis["shrink"] is not None
         assert bool(json.loads(augmented.read_text())["effects"]) == explained

@@ -15,7 +15,7 @@ from pathlib import Path
 
 _SOURCES = Path(__file__).parents[1]
 _PACKAGES = ("spa_fo", "blind")  # the second stands beside the first in the project's sources
-_DATA = ("json", "mplstyle", "yaml")  # files beside modules that change what they do
+_DATA = ("css", "js", "json", "mplstyle", "yaml")  # files beside modules that change what they do
 
 
 def code_hash(script: Path | str) -> str:

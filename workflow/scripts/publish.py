@@ -10,13 +10,8 @@ from spa_fo.edge import workflow_step
 from spa_fo.report.answers import write_texts
 from spa_fo.report.diagnosis import PAGE
 from spa_fo.report.pages import write_pages
-from spa_fo.report.summary import (
-    PublishedMaterial,
-    summary,
-    tables,
-    told_apart,
-    write_tables,
-)
+from spa_fo.report.published import PublishedMaterial, told_apart
+from spa_fo.report.summary import summary, tables, write_tables
 from spa_fo.rig import read_campaign
 
 
@@ -38,6 +33,7 @@ with workflow_step(snakemake.log[0], snakemake.threads):
             parse_report=read(snakemake.input.parse_reports[i]),
             diagnosis=json.loads(read(Path(snakemake.input.diagnoses[i]) / "diagnosis.json")),
             diagnosis_page=read(Path(snakemake.input.diagnoses[i]) / PAGE),
+            opening_png=(Path(snakemake.input.diagnoses[i]) / "opening.png").read_bytes(),
             figures=tuple(p.stem for p in sorted(Path(snakemake.input.figures[i]).glob("*.png"))),
         )
         for i, (name, entry) in enumerate(snakemake.params.materials.items())

@@ -185,7 +185,7 @@ class Diagnosis:
         return self.result
 
     def _rows(self) -> list[list[str]]:
-        from spa_fo.report.diagnosis_figures import percent
+        from spa_fo.report.causes import percent
         from spa_fo.report.effect_words import phrase
 
         rows = []

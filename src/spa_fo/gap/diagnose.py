@@ -27,7 +27,7 @@ from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse
 from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
-from spa_fo.gap.plan import next_experiment
+from spa_fo.gap.next_steps import in_words, next_steps
 from spa_fo.gap.unknown import unknown_probability
 from spa_fo.gap.verdict import Scored, Verdict, beating, judge, stage_shares, weigh
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
@@ -184,8 +184,8 @@ def diagnose(
     located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
     everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
     causes = _causes(candidates, everything, verdict, claimed.errors)
-    missing = misses(everything)
     progress("looking for the experiment that would decide")
+    steps = next_steps(verdict.kind, verdict.sets, causes, everything, floor)
     return Diagnosis(
         campaign=data.campaign.name,
         material=data.campaign.material,
@@ -202,11 +202,11 @@ def diagnose(
         causes=causes,
         kind=verdict.kind,
         sets=verdict.sets,
-        next_experiment=_next(verdict, causes, everything, floor, missing),
+        next_experiment=in_words(steps) if verdict.kind in ("ambiguous", "unknown") else None,
         held_out_on=claimed.held.text,
         shrink=shrunk,
         offers=offers(everything),
-        misses=missing,
+        misses=misses(everything),
         findings=(
             *findings(stress, own, verdict),
             *drive_finding(candidates, everything, held),
@@ -214,6 +214,7 @@ def diagnose(
         baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
         traces=_traces(everything, claimed.held, curves, final),
         model=model,
+        next_steps=steps,
     )
 
 
@@ -458,35 +459,6 @@ def _smallest_bic(candidates: Candidates) -> list[str]:
         if score < best[0]:
             best = (score, ids)
     return list(best[1])
-
-
-def _next(
-    verdict: Verdict,
-    causes: Sequence[Cause],
-    evidence: Evidence,
-    floor_deg: float,
-    misses: Sequence[str],
-) -> str | None:
-    """Say which experiment would decide, where something is left to decide."""
-    if verdict.kind in ("no_gap", "cause"):
-        return None
-    if evidence.grid.command_kpa is None:
-        return "The logs hold no command to plan with; " + "; ".join(misses)
-    by_set = {cause.set: cause for cause in causes}
-    standing = [by_set[ids] for ids in verdict.sets]
-    try:
-        text, _ = next_experiment(
-            verdict.kind,
-            verdict.sets,
-            [cause.parameters for cause in standing],
-            [cause.transfer_function for cause in standing],
-            evidence,
-            floor_deg,
-            misses,
-        )
-    except BadInput:  # a vacuum, say, which the catalogue has no profiles for
-        return "No profile can be planned within this campaign's commands; " + "; ".join(misses)
-    return text
 
 
 def _traces(

@@ -70,6 +70,28 @@ class Cause:
 
 
 @dataclass(frozen=True)
+class Step:
+    """One thing to do next.
+
+    Attributes
+    ----------
+    do, why : str
+        What, and what it would tell; no capitals, no full stop.
+    apart : tuple of tuples of str
+        The two explanations that it would tell apart first of all; empty where it is for none.
+    """
+
+    do: str
+    why: str
+    apart: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def text(self) -> str:
+        """A sentence."""
+        return f"{self.do[:1].upper()}{self.do[1:]}: {self.why}."
+
+
+@dataclass(frozen=True)
 class Shrink:
     """How far the gap closes on trials that took no part; contract §4.
 
@@ -161,6 +183,8 @@ class Diagnosis:
         Curves for figures.
     model : Model
         Augmented; the plain one where nothing is explained.
+    next_steps : tuple of Step
+        What to do at the bench, most telling first, a few at most; see `spa_fo.gap.next_steps`.
     """
 
     campaign: str
@@ -182,6 +206,7 @@ class Diagnosis:
     baselines: Mapping[str, list[str]]
     traces: Traces
     model: Model
+    next_steps: tuple[Step, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of diagnosis.json."""
@@ -217,6 +242,10 @@ class Diagnosis:
                 "held_out": bool(self.traces.held_out.any()),
                 "held_out_on": self.held_out_on,
             },
+            "next_steps": [
+                {"do": step.do, "why": step.why, "apart": [list(ids) for ids in step.apart]}
+                for step in self.next_steps
+            ],
             "findings": list(self.findings),
             "baselines": dict(self.baselines),
         }

@@ -16,6 +16,19 @@ from spa_fo.plant.effects.library import LIBRARY
 
 Floats = NDArray[np.float64]
 
+MISSING = {
+    "pressure": "measured pressure: drive and actuator cannot be told apart by it",
+    "command": "the command: the pressure drives the model, and what drives it is not asked",
+    "release": "release: hysteresis, play and creep hardly show in up-steps",
+    "levels": "a staircase or triangle: amplitude and direction show together there",
+    "hold": "a long hold: creep, leak and droop show there",
+    "later calibration": "a calibration afterwards: slip and drift of the sensor",
+    "calibration": "a calibration log: the sensor cannot be told from the actuator",
+    "repeats": "repeated trials: without them the noise floor is that of single samples",
+    "order": "interleaved order: drift and amplitude go together in blocks",
+}
+"""Evidence that a campaign may lack, and what for."""
+
 _PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing worth saying
 
 
@@ -35,34 +48,30 @@ def offers(evidence: Evidence) -> tuple[str, ...]:
     return tuple(found)
 
 
-def misses(evidence: Evidence) -> tuple[str, ...]:
-    """Say what a campaign lacks that would tell causes apart."""
+def lacking(evidence: Evidence) -> tuple[str, ...]:
+    """Name what a campaign lacks that would tell causes apart, by the names of `MISSING`."""
     trials = evidence.grid.trials
     protocols = {trial.protocol for trial in trials}
-    missing = []
-    if evidence.grid.measured_kpa is None:
-        missing.append("measured pressure: drive and actuator cannot be told apart by it")
-    elif not evidence.has_pressure:
-        missing.append(
-            "the command: the pressure drives the model, and what drives it is not asked"
-        )
-    if protocols <= {"step"}:
-        missing.append("release: hysteresis, play and creep hardly show in up-steps")
-    if not protocols & {"staircase", "triangle", "free"}:
-        missing.append("a staircase or triangle: amplitude and direction show together there")
-    if "hold" not in protocols:
-        missing.append("a long hold: creep, leak and droop show there")
-    if len(evidence.data.calibrations) < 2:
-        missing.append("a calibration afterwards: slip and drift of the sensor")
-    if evidence.fixture is None:
-        missing.append("a calibration log: the sensor cannot be told from the actuator")
-    if np.unique([index[0] for index in evidence.support_index]).size == len(trials):
-        missing.append("repeated trials: without them the noise floor is that of single samples")
     orders = [trial.experiment for trial in trials]
     blocks = sum(a != b for a, b in pairwise(orders)) + 1
-    if len(set(orders)) > 1 and blocks == len(set(orders)):
-        missing.append("interleaved order: drift and amplitude go together in blocks")
-    return tuple(missing)
+    repeated = np.unique([index[0] for index in evidence.support_index]).size < len(trials)
+    absent = {
+        "pressure": evidence.grid.measured_kpa is None,
+        "command": evidence.grid.measured_kpa is not None and not evidence.has_pressure,
+        "release": protocols <= {"step"},
+        "levels": not protocols & {"staircase", "triangle", "free"},
+        "hold": "hold" not in protocols,
+        "later calibration": len(evidence.data.calibrations) < 2,
+        "calibration": evidence.fixture is None,
+        "repeats": not repeated,
+        "order": len(set(orders)) > 1 and blocks == len(set(orders)),
+    }
+    return tuple(name for name in MISSING if absent[name])
+
+
+def misses(evidence: Evidence) -> tuple[str, ...]:
+    """Say what a campaign lacks that would tell causes apart."""
+    return tuple(MISSING[name] for name in lacking(evidence))
 
 
 def drive_finding(candidates: Candidates, everything: Evidence, held: HeldOut) -> tuple[str, ...]:

@@ -160,14 +160,19 @@ def recommendation(made: Plan) -> str:
     sentences = []
     if made.separable:
         score = made.smallest(made.after[0])
-        apart = _apart(made)
-        times = "" if made.best.repeats > 1 else f", {runs(score)} runs"
         sentences.append(
-            f"{_capital(made.best.words)}{times}: it would separate {apart} by {score:.1f} noise "
+            f"{_capital(to_run(made))}: it would separate {_apart(made)} by {score:.1f} noise "
             f"floors (this campaign: {made.smallest(made.now):.1f})."
         )
     sentences += [_remedy(made, k) for k in made.inseparable]
     return " ".join(sentences)
+
+
+def to_run(made: Plan) -> str:
+    """Say what the best profile is, and how often to run it."""
+    if made.best.repeats > 1:
+        return made.best.words
+    return f"{made.best.words}, {runs(made.smallest(made.after[0]))} runs"
 
 
 def _remedy(made: Plan, pair: int) -> str:
@@ -283,7 +288,7 @@ def advise(
         return Advice(recommendation(made), made.best, f"to tell {_apart(made)}", made)
     if standing.kind == "cause":
         return _confirmation(standing, bench, limits, names)
-    richest = _richest(limits)
+    richest = richest_profile(limits)
     if standing.kind == "no_gap":
         text = (
             "Nothing is left to separate: the plain model misses the campaign by no more than "
@@ -295,8 +300,6 @@ def advise(
         f"The gap is not explained{f' beyond {part}' if part else ''}: run the richest profile, "
         f"{richest.words}, {_RUNS[0]} runs."
     )
-    if standing.misses:
-        text += f" The campaign misses: {'; '.join(standing.misses)}."
     return Advice(text, richest, "to show more of a gap that nothing known explains")
 
 
@@ -311,7 +314,7 @@ def _confirmation(
     if not made.separable:
         way = _and(remedies(cause.ids, (), bench.tapped))
         return Advice(
-            f"{done} To confirm it: {way}.", _richest(limits), f"to confirm {cause.label}"
+            f"{done} To confirm it: {way}.", richest_profile(limits), f"to confirm {cause.label}"
         )
     score = made.smallest(made.after[0])
     text = (
@@ -321,7 +324,14 @@ def _confirmation(
     return Advice(text, made.best, f"to confirm {cause.label}")
 
 
-def _richest(limits: Limits) -> Profile:
+def richest_profile(limits: Limits) -> Profile:
+    """Return the profile that has most to show within the limits.
+
+    Raises
+    ------
+    BadInput
+        No profile fits into the limits.
+    """
     for names in ((_RICH,), NAMES[::-1]):
         profiles = family(limits, names)
         if profiles:
@@ -329,21 +339,17 @@ def _richest(limits: Limits) -> Profile:
     return _offered(limits, NAMES)[0]
 
 
-def next_experiment(
-    kind: str,
+def plan_few(
     sets: Sequence[Ids],
     parameters: Sequence[Mapping[str, Mapping[str, Any]]],
     coefficients: Sequence[Mapping[str, float]],
     evidence: Evidence,
     floor_deg: float,
-    misses: Sequence[str] = (),
-) -> tuple[str, Profile]:
-    """Say what a diagnosis should advise, from few profiles: within a second or two.
+) -> Plan:
+    """Plan for the leading explanations of a diagnosis, from few profiles: in a second or two.
 
     Parameters
     ----------
-    kind : str
-        Of the verdict.
     sets : sequence of tuples of str
         Explanations that stand, most probable first; the first four are planned for.
     parameters : sequence of mappings
@@ -354,22 +360,15 @@ def next_experiment(
         The campaign.
     floor_deg : float
         Noise floor.
-    misses : sequence of str
-        Evidence that the campaign lacks, in words.
 
-    Returns
-    -------
-    text : str
-        What to do, in words.
-    profile : Profile
-        What to run.
+    Raises
+    ------
+    BadInput
+        No profile fits into the campaign's limits.
     """
-    rivals = [rival(*given) for given in zip(sets, parameters, coefficients, strict=True)][
-        :_MOST_RIVALS
-    ]
-    standing = Standing(kind, tuple(rivals), None, floor_deg, tuple(misses))
-    advice = advise(standing, bench_of(evidence, floor_deg), limits_of(evidence.grid), FEW)
-    return advice.text, advice.profile
+    rivals = [rival(*given) for given in zip(sets, parameters, coefficients, strict=True)]
+    bench = bench_of(evidence, floor_deg)
+    return plan(rivals[:_MOST_RIVALS], bench, limits_of(evidence.grid), FEW)
 
 
 def plan_campaign(

@@ -118,15 +118,12 @@ class Standing:
         No effect at all, identified again; None where the file does not hold it.
     floor_deg : float
         Noise floor.
-    misses : tuple of str
-        Evidence that the campaign lacks, in words.
     """
 
     kind: str
     rivals: tuple[Rival, ...]
     plain: Rival | None
     floor_deg: float
-    misses: tuple[str, ...]
 
 
 def read_standing(path: Path | str, campaign: str) -> Standing:
@@ -181,14 +178,11 @@ class _Reader:
         floor = gap.get("noise_floor_deg")
         if isinstance(floor, bool) or not isinstance(floor, int | float) or not 0.0 < floor < 1e6:
             self.refuse("gap.noise_floor_deg", f"expected a positive number, found {floor!r}")
-        evidence = document.get("evidence")
-        misses = evidence.get("misses") if isinstance(evidence, Mapping) else None
         return Standing(
             kind=kind,
             rivals=tuple(self._rival(ids, causes) for ids in sets),
             plain=self._plain(causes),
             floor_deg=float(floor),
-            misses=tuple(map(str, misses)) if isinstance(misses, list) else (),
         )
 
     def document(self) -> Mapping[str, Any]:

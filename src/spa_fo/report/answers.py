@@ -12,7 +12,9 @@ from spa_fo.plant import paper
 from spa_fo.report.audit import FAILS, HOLDS, AuditLine
 from spa_fo.report.headline import headline
 from spa_fo.report.pages import ALL
-from spa_fo.report.summary import PublishedMaterial, audit_lines, joint_provenance
+from spa_fo.report.published import PublishedMaterial, joint_provenance
+from spa_fo.report.study import openings_html
+from spa_fo.report.summary import audit_lines
 
 
 def answers(materials: Sequence[PublishedMaterial]) -> dict[str, list[str]]:
@@ -39,14 +41,15 @@ def answers(materials: Sequence[PublishedMaterial]) -> dict[str, list[str]]:
 def write_texts(materials: Sequence[PublishedMaterial], folder: Path) -> None:
     """Write what the report's captions and front page include, as HTML.
 
-    ``answers_<question>.html`` is a list of `answers`; ``<material>.html`` and ``tables.html``
-    say where the data come from.
+    ``openings.html`` is what it begins with, ``answers_<question>.html`` a list of `answers`;
+    ``<material>.html`` and ``tables.html`` say where the data come from.
 
     Raises
     ------
     BadInput
         A file cannot be written.
     """
+    write_text(folder / "openings.html", openings_html(materials))
     for question, sentences in answers(materials).items():
         items = "".join(f"<li>{html.escape(sentence)}</li>\n" for sentence in sentences)
         write_text(folder / f"answers_{question}.html", f"<ul>\n{items}</ul>\n")

@@ -14,8 +14,17 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from spa_fo.gap.diagnosis import Cause, Diagnosis, Traces
+from spa_fo.gap.diagnosis import Diagnosis, Traces
+from spa_fo.report.causes import MOST_CAUSES, named, percent, plain_held_out, probability_of
 from spa_fo.report.effect_words import MAP_WORDS, bin_words, phrase
+from spa_fo.report.experiments import (
+    Experiment,
+    driving,
+    experiments,
+    has_command,
+    mean_over_trials,
+    rms,
+)
 from spa_fo.report.style import (
     BLACK,
     BLUE,
@@ -33,8 +42,6 @@ from spa_fo.report.style import (
 Floats = NDArray[np.float64]
 
 _COLUMNS = 3
-_MOST_PANELS = 9
-MOST_CAUSES = 8
 _LABEL_WIDTH = 44  # characters
 _MOST_STAGE_PANELS = 3
 _LINEAR_KPA = 5.0
@@ -59,48 +66,6 @@ _BINS = (
 )
 
 
-@dataclass(frozen=True)
-class _Experiment:
-    """Trials of one experiment: their indices, and the one that is shown in full."""
-
-    name: str
-    trials: tuple[int, ...]
-    shown: int
-
-    @property
-    def title(self) -> str:
-        return self.name.replace("_", " ")
-
-
-def rms(t_s: Floats, values: Floats) -> float:
-    """Root mean square over time, whatever the spacing of the samples."""
-    if t_s.size < 2:
-        return float(np.sqrt(np.mean(values**2)))
-    return float(np.sqrt(np.trapezoid(values**2, t_s) / (t_s[-1] - t_s[0])))
-
-
-def _experiments(traces: Traces) -> list[_Experiment]:
-    """Return the experiments of largest gap, at most `_MOST_PANELS`, in the campaign's order."""
-    trials: dict[str, list[int]] = {}
-    for index, name in enumerate(traces.experiment):
-        if np.any(traces.trial == index):
-            trials.setdefault(name, []).append(index)
-    every = [_Experiment(name, tuple(own), _shown(traces, own)) for name, own in trials.items()]
-    missed = {e.name: _missed_rms(traces, e.shown) for e in every}
-    largest = sorted(missed, key=lambda name: -missed[name])[:_MOST_PANELS]
-    return [e for e in every if e.name in largest]
-
-
-def _shown(traces: Traces, trials: Sequence[int]) -> int:
-    """Return the last trial that took no part, else the last one."""
-    return max(trials, key=lambda i: (bool(traces.held_out[i]), i))
-
-
-def _missed_rms(traces: Traces, trial: int) -> float:
-    own = traces.trial == trial
-    return rms(traces.time_s[own], traces.measured_deg[own] - traces.plain_deg[own])
-
-
 def _grid(names: Sequence[str]) -> list[list[str]]:
     """Lay panels out in rows of `_COLUMNS` or fewer, the last row filled up."""
     columns = min(len(names), _COLUMNS)
@@ -122,18 +87,18 @@ def gap_figure(diagnosis: Diagnosis) -> Figure:
     matplotlib.figure.Figure
     """
     traces = diagnosis.traces
-    experiments = _experiments(traces)
+    drawn = experiments(traces)
     maps = {
         name: shares
         for name, shares in vars(diagnosis.where).items()
         if any(share != 0.0 for share in shares.values())
     }
-    rows = _grid([f"time {e.name}" for e in experiments])
+    rows = _grid([f"time {e.name}" for e in drawn])
     bars = _grid([f"share {name}" for name in maps]) if maps else []
     figure = Figure(figsize=(TWO_COLUMNS_IN, 0.6 + 1.45 * len(rows) + 1.35 * len(bars)))
     heights = [0.3 + 1.1 * len(rows), 0.2 + len(bars)] if bars else [1.0]
     blocks = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
-    _draw_gap(blocks[0], rows, diagnosis, experiments)
+    _draw_gap(blocks[0], rows, diagnosis, drawn)
     if bars:
         panels = _panels(blocks[1], bars)
         for name, shares in maps.items():
@@ -153,15 +118,15 @@ def _draw_gap(
     part: FigureBase,
     rows: Sequence[Sequence[str]],
     diagnosis: Diagnosis,
-    experiments: Sequence[_Experiment],
+    drawn: Sequence[Experiment],
 ) -> None:
     axes_of = _panels(part, rows)
     traces, floor = diagnosis.traces, diagnosis.gap.noise_floor_deg
     missed = traces.measured_deg - traces.plain_deg
-    pressure = _driving(traces)
+    pressure = driving(traces)
     scale = Normalize(float(pressure.min()), max(float(pressure.max()), 1e-9))
     low, high = min(float(missed.min()), -floor), max(float(missed.max()), floor)
-    for e in experiments:
+    for e in drawn:
         axes = axes_of[f"time {e.name}"]
         band = axes.axhspan(-floor, floor, color=GREY, alpha=0.25, linewidth=0)
         for i in e.trials:
@@ -169,8 +134,8 @@ def _draw_gap(
             (trial,) = axes.plot(
                 traces.time_s[own], missed[own], color=GREY, linestyle="-", linewidth=0.4
             )
-        time, mean = _mean_over_trials(traces, e.trials, missed)
-        _, kpa = _mean_over_trials(traces, e.trials, pressure)
+        time, mean = mean_over_trials(traces, e.trials, missed)
+        _, kpa = mean_over_trials(traces, e.trials, pressure)
         axes.axhline(0.0, color=BLACK, linestyle="-", linewidth=0.5)
         dots = axes.scatter(time, mean, c=kpa, s=3, cmap="viridis", norm=scale, zorder=3)
         axes.set_title(f"{e.title}, {_counted(len(e.trials), 'trial')}", loc="left")
@@ -186,27 +151,6 @@ def _draw_gap(
         loc="outside upper center",
         ncols=3,
     )
-
-
-def has_command(traces: Traces) -> bool:
-    """Say whether the command was logged; else the measured pressure drives the model."""
-    return bool(np.isfinite(traces.command_kpa).all())
-
-
-def _driving(traces: Traces) -> Floats:
-    """Return the command, or the pressure where none was logged."""
-    if has_command(traces) or traces.pressure_kpa is None:
-        return np.nan_to_num(traces.command_kpa)
-    return traces.pressure_kpa
-
-
-def _mean_over_trials(
-    traces: Traces, trials: Sequence[int], values: Floats
-) -> tuple[Floats, Floats]:
-    """Average trials of one profile on the times of the longest, as far as each one goes."""
-    each = [(traces.time_s[traces.trial == i], values[traces.trial == i]) for i in trials]
-    time = max((t for t, _ in each), key=lambda t: float(t[-1]))
-    return time, np.nanmean([np.interp(time, t, v, right=np.nan) for t, v in each], axis=0)
 
 
 def _counted(count: int, noun: str) -> str:
@@ -244,16 +188,16 @@ def before_after_figure(diagnosis: Diagnosis) -> Figure:
     matplotlib.figure.Figure
     """
     traces = diagnosis.traces
-    experiments = _experiments(traces)
-    angles = _grid([f"angle {e.name}" for e in experiments])
-    missed = _grid([f"missed {e.name}" for e in experiments])
+    drawn = experiments(traces)
+    angles = _grid([f"angle {e.name}" for e in drawn])
+    missed = _grid([f"missed {e.name}" for e in drawn])
     mosaic = [row for pair in zip(angles, missed, strict=True) for row in pair]
     figure = Figure(figsize=(TWO_COLUMNS_IN, 0.6 + 2.55 * len(angles)))
     heights = [1.5, 1.0] * len(angles)
     axes_of = _panels(figure, mosaic, heights)
     models = _models(diagnosis)
     handles: dict[str, Any] = {}
-    for e in experiments:
+    for e in drawn:
         handles |= _draw_angles(axes_of[f"angle {e.name}"], traces, e, models)
         handles |= _draw_missed(axes_of[f"missed {e.name}"], diagnosis, e)
     for row in angles:
@@ -282,7 +226,7 @@ def _models(diagnosis: Diagnosis) -> dict[str, tuple[str, Floats]]:
 
 
 def _draw_angles(
-    axes: Axes, traces: Traces, e: _Experiment, models: Mapping[str, tuple[str, Floats]]
+    axes: Axes, traces: Traces, e: Experiment, models: Mapping[str, tuple[str, Floats]]
 ) -> dict[str, Any]:
     own = traces.trial == e.shown
     time = traces.time_s[own]
@@ -290,14 +234,13 @@ def _draw_angles(
     (handles["measured"],) = axes.plot(time, traces.measured_deg[own], **_DOTS)
     for look, (name, curve) in models.items():
         (handles[name],) = axes.plot(time, curve[own], **_LOOKS[look])
-    place = f"trial {e.trials.index(e.shown) + 1} of {len(e.trials)}"
     part = ", held out" if traces.held_out[e.shown] else ""
-    axes.set_title(f"{e.title}, {place}{part}", loc="left")
+    axes.set_title(f"{e.title}, {e.place}{part}", loc="left")
     axes.tick_params(labelbottom=False)
     return handles
 
 
-def _draw_missed(axes: Axes, diagnosis: Diagnosis, e: _Experiment) -> dict[str, Any]:
+def _draw_missed(axes: Axes, diagnosis: Diagnosis, e: Experiment) -> dict[str, Any]:
     traces, floor = diagnosis.traces, diagnosis.gap.noise_floor_deg
     curves = {"plain": traces.plain_deg}
     if _explained(diagnosis):
@@ -389,36 +332,6 @@ def ladder_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def percent(share: float) -> str:
-    """Write a share in percent; what rounds to none or all is said to be near it."""
-    if 0.0 < share < 0.005:
-        return "< 1 %"
-    if 0.995 <= share < 1.0:
-        return "> 99 %"
-    return f"{100.0 * share:.0f} %".replace("-", "−")
-
-
-def named(causes: Sequence[Cause], most: int) -> list[Cause]:
-    """Return the most probable sets: of 0.5 % and more, and those held against unseen trials."""
-    sets = [cause for cause in causes if cause.set not in (("none",), ("unknown",))]
-    return [
-        cause
-        for cause in sets[:most]
-        if cause.probability >= 0.005 or cause.held_out_rmse_deg is not None
-    ]
-
-
-def probability_of(causes: Sequence[Cause], name: str) -> float:
-    """Probability of ``none`` or ``unknown``."""
-    return sum(cause.probability for cause in causes if cause.set == (name,))
-
-
-def plain_held_out(diagnosis: Diagnosis) -> float | None:
-    """RMSE of the plain model on the held-out trials, deg; None where it was not computed."""
-    none = [cause for cause in diagnosis.causes if cause.set == ("none",)]
-    return none[0].held_out_rmse_deg if none else None
-
-
 def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
     causes = diagnosis.causes
     shrink = diagnosis.shrink
@@ -497,14 +410,14 @@ def stages_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def _drive_experiments(traces: Traces) -> list[_Experiment]:
+def _drive_experiments(traces: Traces) -> list[Experiment]:
     """Return the experiments in which the pressure strays most from the command."""
     pressure = traces.pressure_kpa
     if pressure is None or not has_command(traces):
         return []
-    every = _experiments(traces)
+    every = experiments(traces)
 
-    def strays(e: _Experiment) -> float:
+    def strays(e: Experiment) -> float:
         own = traces.trial == e.shown
         return rms(traces.time_s[own], pressure[own] - traces.command_kpa[own])
 
@@ -512,7 +425,7 @@ def _drive_experiments(traces: Traces) -> list[_Experiment]:
     return [e for e in every if e in chosen]
 
 
-def _draw_pressure(above: Axes, below: Axes, traces: Traces, e: _Experiment) -> None:
+def _draw_pressure(above: Axes, below: Axes, traces: Traces, e: Experiment) -> None:
     own = traces.trial == e.shown
     time, command = traces.time_s[own], traces.command_kpa[own]
     assert traces.pressure_kpa is not None

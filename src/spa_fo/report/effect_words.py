@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -196,5 +197,5 @@ def parameter_words(effect: str, parameter: str) -> tuple[str, str]:
     if effect == "parameter_shift":
         return f"{parameter} ×", ""
     unit = next((p.unit for p in LIBRARY[effect].parameters if p.name == parameter), "1")
-    name = parameter.removesuffix(_SUFFIXES.get(unit, ""))
-    return name.replace("_", " "), _UNITS.get(unit, unit)
+    name = parameter.removesuffix(_SUFFIXES.get(unit, "")).replace("_", " ")
+    return re.sub(r"(\d)deg", r"\1°", name.replace("minus ", "−")), _UNITS.get(unit, unit)

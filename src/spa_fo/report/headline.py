@@ -1,12 +1,15 @@
-"""A diagnosis in two lines: for the terminal and for the summary."""
+"""A diagnosis in two lines: for the terminal, and for a person at the bench."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from spa_fo.report.diagnosis_figures import percent
-from spa_fo.report.effect_words import joined, phrase
+from spa_fo.gap.findings import MISSING
+from spa_fo.report.causes import likelihood, percent
+from spa_fo.report.effect_words import EFFECT_WORDS, joined, phrase
+
+_MOST_SETS = 3  # that a sentence names
 
 
 def headline(document: Mapping[str, Any]) -> tuple[str, str]:
@@ -25,16 +28,39 @@ def headline(document: Mapping[str, Any]) -> tuple[str, str]:
     return _answer(document), _sizes(document)
 
 
+def opening(document: Mapping[str, Any]) -> tuple[str, str]:
+    """Say in two sentences what is wrong and how sure that is; what it brings and what to do.
+
+    Parameters
+    ----------
+    document : Mapping
+        As in diagnosis.json.
+
+    Returns
+    -------
+    wrong, following : str
+        A sentence each, for someone who knows the bench but not the method.
+    """
+    return f"{_missed(document)}{_blamed(document)}.", _following(document)
+
+
+def first_step(document: Mapping[str, Any]) -> str:
+    """Return what to do next, without the reason for it; empty where there is nothing to do."""
+    steps = document.get("next_steps") or ()
+    return steps[0]["do"] if steps else ""
+
+
 def _answer(document: Mapping[str, Any]) -> str:
     verdict = document["verdict"]
-    sets = [f"{phrase(ids)} ({_probability(document, ids)})" for ids in verdict["sets"]]
+    sets = [f"{phrase(ids)} ({percent(probability(document, ids))})" for ids in verdict["sets"]]
     if verdict["kind"] == "no_gap":
         return "No gap: the model stands as it is."
     if verdict["kind"] == "cause":
         return f"Cause: {sets[0]}."
     if verdict["kind"] == "ambiguous":
         return f"Ambiguous, these data cannot tell apart: {joined(sets, 'and')}."
-    lacking = f"Unknown: nothing in the library explains it ({_probability(document, ['unknown'])})"
+    chance = percent(probability(document, ["unknown"]))
+    lacking = f"Unknown: nothing in the library explains it ({chance})"
     return f"{lacking}; a part is like {phrase(verdict['sets'][0])}." if sets else f"{lacking}."
 
 
@@ -47,8 +73,7 @@ def _sizes(document: Mapping[str, Any]) -> str:
     if shrink is None:
         return f"{missed}."
     low, high = shrink["ci95"]
-    # Without a word on it, as in files of earlier versions, trials were held out.
-    where = "held out" if document["evidence"].get("held_out", True) else "on the fitted trials"
+    where = "held out" if _held_out(document) else "on the fitted trials"
     return (
         f"{missed}; {where}: {shrink['before_rmse_deg']:.2f}° -> {shrink['after_rmse_deg']:.2f}°, "
         f"{percent(shrink['fraction_closed'])} of the gap closed ({percent(low)} to "
@@ -56,5 +81,87 @@ def _sizes(document: Mapping[str, Any]) -> str:
     )
 
 
-def _probability(document: Mapping[str, Any], ids: Sequence[str]) -> str:
-    return percent(sum(c["probability"] for c in document["causes"] if set(c["set"]) == set(ids)))
+def _held_out(document: Mapping[str, Any]) -> bool:
+    # Without a word on it, as in files of earlier versions, trials were held out.
+    return bool(document["evidence"].get("held_out", True))
+
+
+def probability(document: Mapping[str, Any], ids: Sequence[str]) -> float:
+    """Return the probability of a set of effects, of ``none`` or of ``unknown``."""
+    return float(sum(c["probability"] for c in document["causes"] if set(c["set"]) == set(ids)))
+
+
+def _how_sure(document: Mapping[str, Any], ids: Sequence[str]) -> str:
+    share = probability(document, ids)
+    return f"{likelihood(share)}, {percent(share)}"
+
+
+# --- two sentences for the bench ----------------------------------------------------------------
+
+
+def _together(ids: Sequence[str]) -> str:
+    names = joined([phrase((each,)) for each in ids], "and")
+    return f"{names} together" if len(ids) > 1 else names
+
+
+def _missed(document: Mapping[str, Any]) -> str:
+    gap = document["gap"]
+    error, floor = gap["rmse_deg"], gap["noise_floor_deg"]
+    repeats = _repeats(document)
+    scatter = "repeated trials differ by" if repeats else "the noise of single samples"
+    text = f"The model is off by {error:.2f}° (RMS)"
+    if document["verdict"]["kind"] == "no_gap":
+        return f"{text}, which is no more than {scatter} ({floor:.2f}°)"
+    if error <= floor:
+        return f"{text} in the same way every time, though {scatter} {floor:.2f}°"
+    return f"{text}, {error / floor:.1f} times {'what ' if repeats else ''}{scatter} ({floor:.2f}°)"
+
+
+def _repeats(document: Mapping[str, Any]) -> bool:
+    """Say whether some experiment has a repeat, which the noise floor is then of."""
+    lacking = MISSING["repeats"] in document["evidence"].get("misses", ())
+    return bool(document["gap"].get("repeats", not lacking))
+
+
+def _blamed(document: Mapping[str, Any]) -> str:
+    kind, sets = document["verdict"]["kind"], document["verdict"]["sets"]
+    if kind == "no_gap":
+        return f": there is nothing to explain ({_how_sure(document, ['none'])})"
+    if kind == "cause":
+        does = "; ".join(EFFECT_WORDS[each].means for each in sets[0][:_MOST_SETS])
+        return f", because of {_together(sets[0])} ({_how_sure(document, sets[0])}): {does}"
+    if kind == "ambiguous":
+        first = f"{_together(sets[0])} ({_how_sure(document, sets[0])})"
+        others = [
+            f"{_together(ids)} ({percent(probability(document, ids))})"
+            for ids in sets[1:_MOST_SETS]
+        ]
+        found = [first, *others]
+        more = len(sets) - len(found)
+        found += [f"one of {more} more"] if more else []
+        return f", and these data leave open whether that is {joined(found, 'or')}"
+    sure = _how_sure(document, ["unknown"])
+    return f", and no effect that the diagnosis knows explains that ({sure})"
+
+
+def _following(document: Mapping[str, Any]) -> str:
+    kind, sets = document["verdict"]["kind"], document["verdict"]["sets"]
+    closed, step = _closed(document), first_step(document)
+    if kind == "no_gap":
+        return f"Use the model as it is{f'; to look closer, {step}' if step else ''}."
+    if kind == "cause":
+        return f"{closed}; what to do: {EFFECT_WORDS[sets[0][0]].remedy}."
+    return f"{closed}{f'; next, {step}' if step else ''}."
+
+
+def _closed(document: Mapping[str, Any]) -> str:
+    shrink, kind = document["shrink"], document["verdict"]["kind"]
+    if shrink is None:
+        return "Nothing is explained so far, so the model stays as it is"
+    what = {"cause": "that", "ambiguous": "the first of them", "unknown": "the best stand-in"}[kind]
+    trials = "trials that it has not seen" if _held_out(document) else "the fitted trials"
+    return (
+        f"With {what} in the model the error on {trials} goes from "
+        f"{shrink['before_rmse_deg']:.2f}° to {shrink['after_rmse_deg']:.2f}°, which closes "
+        f"{percent(shrink['fraction_closed'])} of the gap"
+    )

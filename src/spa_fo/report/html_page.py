@@ -10,7 +10,7 @@ import markdown
 # A picture on a line of its own, and its caption in italics below.
 _PICTURE = re.compile(r"^!\[.*\]\(.*\)\n(?:\n\*.*\*\n)?", re.MULTILINE)
 
-_STYLE = """
+STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1e293b; margin: 1rem auto; padding: 0 1rem;
   max-width: 76rem; overflow-wrap: break-word; }
 h1 { font-size: 1.35rem; } h2 { font-size: 1.1rem; margin-top: 1.6rem; }
@@ -44,12 +44,16 @@ def html_page(title: str, text: str) -> str:
     text = _PICTURE.sub("", text)
     if not text.startswith("# "):
         text = f"# {title}\n\n{text}"
-    body = markdown.markdown(text, extensions=["tables", "fenced_code", "sane_lists"])
-    body = body.replace("<table>", '<div class="wide"><table>')
-    body = body.replace("</table>", "</table></div>")
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{html.escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n"
-        f"<body>\n{body}\n</body>\n</html>\n"
+        f"<title>{html.escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n"
+        f"<body>\n{html_of(text)}\n</body>\n</html>\n"
     )
+
+
+def html_of(text: str) -> str:
+    """Turn Markdown into HTML; tables wider than the window scroll by themselves."""
+    body = markdown.markdown(text, extensions=["tables", "fenced_code", "sane_lists"])
+    body = body.replace("<table>", '<div class="wide"><table>')
+    return body.replace("</table>", "</table></div>")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from spa_fo.atomic import write_text
 from spa_fo.report.html_page import html_page
-from spa_fo.report.summary import PublishedMaterial
+from spa_fo.report.published import PublishedMaterial
 from spa_fo.report.tables import Table, markdown_body
 
 ALL = "tables"  # folder of what is made of all materials together

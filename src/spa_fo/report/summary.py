@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -20,9 +17,9 @@ from spa_fo.report.comparison import (
     rms_table,
 )
 from spa_fo.report.headline import headline
-from spa_fo.report.provenance import joint_provenance_line, provenance_line
+from spa_fo.report.published import PublishedMaterial, joint_provenance
+from spa_fo.report.study import campaign_table, openings_markdown
 from spa_fo.report.tables import Table, write_table
-from spa_fo.rig import Campaign
 
 # What there is to see in each figure, in the order a reader asks.
 _CAPTIONS = {
@@ -39,67 +36,7 @@ _CAPTIONS = {
 }
 
 
-_PAGE = "diagnosis/diagnosis.md"
-
-
-@dataclass(frozen=True)
-class PublishedMaterial:
-    """One material's results, as the workflow's steps left them.
-
-    Attributes
-    ----------
-    name : str
-        Its entry in config.yaml, and its folder in the results.
-    campaign : Campaign
-        What was measured.
-    design : str or None
-        The paper's actuator.
-    fit, comparison, verdict : Mapping
-        As read from fit.json, comparison.json and ablation.json; the last two may be None.
-    ablation : pandas.DataFrame
-        Rows of the ablation, may be empty.
-    fit_report, parse_report : str
-        As text and as Markdown.
-    diagnosis : Mapping
-        As read from diagnosis.json.
-    diagnosis_page : str
-        The diagnosis as Markdown.
-    figures : tuple of str
-        Names of the figures there are, without suffix.
-    alone : bool
-        Whether it is the only one of its material (see `told_apart`).
-    """
-
-    name: str
-    campaign: Campaign
-    design: str | None
-    fit: Mapping[str, Any]
-    comparison: Mapping[str, Any] | None
-    verdict: Mapping[str, Any] | None
-    ablation: pd.DataFrame
-    fit_report: str
-    parse_report: str
-    diagnosis: Mapping[str, Any]
-    diagnosis_page: str
-    figures: tuple[str, ...]
-    alone: bool = True
-
-    @property
-    def label(self) -> str:
-        """The material as people write it; with the entry's name, where others are of the same."""
-        material = self.campaign.material
-        return material if self.alone else f"{material} ({self.name})"
-
-    @property
-    def provenance(self) -> str:
-        """The line that stands on everything made of it."""
-        return provenance_line(self.campaign.provenance)
-
-
-def told_apart(materials: Sequence[PublishedMaterial]) -> list[PublishedMaterial]:
-    """Label campaigns of one material by their names, so that no row or curve stands for two."""
-    count = Counter(material.campaign.material for material in materials)
-    return [replace(m, alone=count[m.campaign.material] == 1) for m in materials]
+_PAGES = ("diagnosis/diagnosis.html", "diagnosis/diagnosis.md")
 
 
 def tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
@@ -128,6 +65,7 @@ def tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
         found["rms"] = rms_table(compared, provenance)
         found["baselines"] = baseline_table(compared, provenance)
         found["ablation"] = ablation_table({m.label: m.ablation for m in stepped}, provenance)
+    found["campaigns"] = campaign_table(materials)
     found["fit_errors"] = _fit_errors(materials)
     designs = _compared(materials)
     if designs:
@@ -174,7 +112,8 @@ def summary(materials: Sequence[PublishedMaterial], tables_folder: Path, root: P
     root : Path
         The folder that the summary will stand in, for its links.
     """
-    parts = ["# Results", *_provenance(materials), *_paper_part(tables_folder)]
+    parts = ["# Results", *openings_markdown(materials), *_provenance(materials)]
+    parts += _paper_part(tables_folder)
     for material in materials:
         parts += _material_part(material)
     parts += _files_part(tables_folder, root)
@@ -224,7 +163,8 @@ def _diagnosis_part(material: PublishedMaterial) -> Iterator[str]:
     following = material.diagnosis["verdict"]["next_experiment"]
     if following:
         yield f"Next: {following}"
-    yield f"The page of this diagnosis: [{_PAGE}]({material.name}/{_PAGE})."
+    links = [f"[{page}]({material.name}/{page})" for page in _PAGES]
+    yield f"The pages of this diagnosis: {' to zoom into, and as text '.join(links)}."
 
 
 def _files_part(tables_folder: Path, root: Path) -> Iterator[str]:
@@ -276,10 +216,3 @@ def _identified(materials: Sequence[PublishedMaterial]) -> dict[str, Identified]
             swarm=Reproduction.from_dict(material.comparison).swarm_repeats[-1],
         )
     return found
-
-
-def joint_provenance(materials: Sequence[PublishedMaterial]) -> str:
-    """Say where the data of several materials come from, in one line."""
-    return joint_provenance_line(
-        [material.label for material in materials], [m.provenance for m in materials]
-    )
