@@ -6,6 +6,8 @@ VENV := .venv
 # Campaigns measured by others, which are not part of the project: docs/real_data.md.
 DATA ?= data
 BIN := $(VENV)/bin
+# A file's tests stay in one process, as they share what is costly to make.
+PYTEST := $(BIN)/pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
 INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
 PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
@@ -14,8 +16,8 @@ SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
   -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce report docs audit blind real-data test firmware firmware-tools browser \
-  slurm-tools scale references release format unlock lock
+.PHONY: help reproduce report docs audit blind real-data lint test test-slow test-room firmware \
+  firmware-tools browser slurm-tools scale references release format unlock lock
 
 help:
 	@echo "make reproduce   raw logs -> results/ (CORES=$(CORES))"
@@ -24,7 +26,10 @@ help:
 	@echo "make audit       the audit of the paper -> docs/audit.md"
 	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (about an hour)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
-	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
+	@echo "make test        linters, types, contracts, unit tests, reduced workflow (ten minutes)"
+	@echo "make test-slow   what it leaves out: tests marked slow (ten minutes more)"
+	@echo "make test-room ROOM=gap   the tests of one room, while you work in it (about a minute)"
+	@echo "make lint        linters, types, contracts"
 	@echo "make firmware    build the board's program, and a simulated board to run it on"
 	@echo "make firmware-tools   install what that needs (Debian, as root)"
 	@echo "make slurm-tools      install a Slurm to try the cluster's profile on (Debian, as root)"
@@ -67,14 +72,24 @@ docs: $(INSTALLED)
 real-data: $(INSTALLED)
 	$(BIN)/python benchmarks/real_data.py $(DATA)
 
-test: $(INSTALLED)
+lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/snakefmt --check Snakefile workflow
 	$(BIN)/snakemake --lint
-	$(BIN)/pytest
+
+test: lint
+	$(PYTEST) -m "not slow"
+
+test-slow: $(INSTALLED)
+	$(PYTEST) -m slow
+
+# A room is any part of the names of its files: rig, gap, identify, plant, report, cli, docs.
+ROOM ?= $(error say which: make test-room ROOM=gap)
+test-room: $(INSTALLED)
+	$(PYTEST) -m "not slow" tests/test_*$(ROOM)*.py
 
 firmware:
 	$(MAKE) -C firmware all sim
