@@ -12,21 +12,30 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
+import numba
 import pytest
 
+import campaigns
 from reduced_workflow import reduced, small, snakemake
+from spa_fo import Campaign
+from spa_fo.plant.effects.library import IDS
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = Path(os.environ.get("SPA_FO_SHARED", ROOT.parent / "shared"))
 
 # Left out of `make test` and run by `make test-slow`: a file or one of its tests, and why.
-SLOW: dict[str, str] = {}
+SLOW = {
+    "test_profiles.py::test_a_cluster_gives_the_same_bytes": "starts a Slurm and runs on it",
+    "test_real_data.py": "diagnoses measured campaigns with the whole library",
+    "test_release.py::test_a_campaign_is_fitted": "compiles every kernel anew",
+    "test_workflow.py::test_a_killed_run_started_again_gives_the_same_bytes": "two runs a moment",
+    "test_workflow.py::test_the_real_soft_arm_goes_through_by_configuration_alone": (
+        "the workflow on a measured campaign"
+    ),
+}
 
+# Which of several processes this is, where there are several (`pytest -n 2`).
 PROCESS = os.environ.get("PYTEST_XDIST_WORKER")
-if PROCESS:
-    # The other process is at work too: threads that wait sleep, and do not ask all the time.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -71,6 +80,23 @@ def golden_step() -> dict[str, dict[str, str]]:
         pytest.skip(f"needs {path} (set SPA_FO_SHARED)")
     table: dict[str, dict[str, str]] = json.loads(path.read_text())
     return table
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kernels(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Let one process compile what most tests need, once for a state of the sources.
+
+    Two that compile at once do it twice, and Numba's cache is not made for it.
+    """
+    if not PROCESS:
+        return
+    compiled = Path(numba.config.CACHE_DIR) / "compiled"
+    with alone(tmp_path_factory, "kernels") as folder:
+        if not compiled.exists():
+            campaigns.step_campaign(folder, trials=2)
+            campaign = Campaign.load(folder)
+            campaign.fit().model.diagnose(campaign, exclude=IDS[1:])
+            compiled.touch()
 
 
 def run_once(
