@@ -6,6 +6,9 @@ VENV := .venv
 # Campaigns measured by others, which are not part of the project: docs/real_data.md.
 DATA ?= data
 BIN := $(VENV)/bin
+# A file's tests stay in one process, as they share what is costly to make. Its threads leave the
+# processor to the other process while they wait.
+PYTEST := OMP_WAIT_POLICY=passive OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
 INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
 PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
@@ -16,9 +19,8 @@ SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
   -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce report docs audit blind blind-small real-data repeats test firmware \
-  firmware-tools browser \
-  slurm-tools scale references release format unlock lock
+.PHONY: help reproduce report docs audit blind blind-small real-data repeats lint test test-slow \
+  test-room firmware firmware-tools browser slurm-tools scale references release format unlock lock
 
 help:
 	@echo "make reproduce   raw logs -> results/ (CORES=$(CORES))"
@@ -29,7 +31,10 @@ help:
 	@echo "make blind-small a part of it; fails where a mark falls short $(BLIND_SMALL_COST)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make repeats     diagnose repeated commands in DATA -> docs/blind/measured_repeats.md"
-	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
+	@echo "make test        linters, types, contracts, unit tests, reduced workflow (eight minutes)"
+	@echo "make test-slow   what it leaves out: tests marked slow (five minutes)"
+	@echo "make test-room ROOM=gap   the tests of one room, while you work in it (about a minute)"
+	@echo "make lint        linters, types, contracts"
 	@echo "make firmware    build the board's program, and a simulated board to run it on"
 	@echo "make firmware-tools   install what that needs (Debian, as root)"
 	@echo "make slurm-tools      install a Slurm to try the cluster's profile on (Debian, as root)"
@@ -80,14 +85,24 @@ real-data: $(INSTALLED)
 repeats: $(INSTALLED)
 	$(BIN)/python benchmarks/measured_repeats.py $(DATA)
 
-test: $(INSTALLED)
+lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/snakefmt --check Snakefile workflow
 	$(BIN)/snakemake --lint
-	$(BIN)/pytest
+
+test: lint
+	$(PYTEST) -m "not slow"
+
+test-slow: $(INSTALLED)
+	$(PYTEST) -m slow
+
+# A room is any part of the names of its files: rig, gap, identify, plant, report, cli, docs.
+ROOM ?= $(error say which: make test-room ROOM=gap)
+test-room: $(INSTALLED)
+	$(PYTEST) -m "not slow" tests/test_*$(ROOM)*.py
 
 firmware:
 	$(MAKE) -C firmware all sim

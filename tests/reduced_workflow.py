@@ -12,6 +12,8 @@ from typing import Any
 
 import yaml
 
+import campaigns
+
 ROOT = Path(__file__).resolve().parent.parent
 REDUCED = yaml.safe_load((ROOT / "tests" / "reduced" / "config.yaml").read_text())
 SNAKEMAKE = [
@@ -39,6 +41,23 @@ def snakemake(
 
 def configure(folder: Path, **changes: Any) -> None:
     (folder / "config.yaml").write_text(yaml.safe_dump(REDUCED | changes))
+
+
+def reduced(folder: Path) -> None:
+    """Prepare a run of the campaigns in raw/."""
+    (folder / "raw").symlink_to(ROOT / "raw")
+    configure(folder)
+
+
+SMALL = ("one_arm", "other_arm")
+
+
+def small(folder: Path) -> None:
+    """Prepare a run of two small campaigns: every step of the workflow, in far less time."""
+    for name, trials in zip(SMALL, (2, 3), strict=True):
+        (folder / "raw" / name).mkdir(parents=True)
+        campaigns.step_campaign(folder / "raw" / name, trials=trials)
+    configure(folder, materials=dict.fromkeys(SMALL))
 
 
 def digests(folder: Path) -> dict[str, str]:

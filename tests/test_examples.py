@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
@@ -22,16 +21,6 @@ SHOWN = {
 }
 
 
-@pytest.fixture(scope="module")
-def pages() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("example_pages", DOCS / "example_pages.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def outputs(notebook: NotebookNode) -> list[dict[str, str]]:
     """What each cell showed, by kind; what was printed is text/plain."""
     found = []
@@ -49,8 +38,8 @@ def test_there_is_an_example_for_every_task() -> None:
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_the_example_runs_and_shows(path: Path, pages: ModuleType) -> None:
-    shown = outputs(pages.executed(path))
+def test_the_example_runs_and_shows(path: Path, examples: ModuleType) -> None:
+    shown = outputs(examples.executed(path))
     assert not any("stderr" in one for one in shown)
     assert any("image/png" in one for one in shown)
     assert any("text/html" in one for one in shown)

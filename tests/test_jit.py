@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from spa_fo import _jit
+
 
 def cache_folder(**environment: str) -> Path:
     """Where another process keeps its compiled kernels."""
@@ -17,6 +19,15 @@ def cache_folder(**environment: str) -> Path:
         check=True,
     )
     return Path(run.stdout.strip())
+
+
+def test_what_the_cache_is_not_named_after_holds_no_kernel() -> None:
+    """Nor feeds one: by the contracts of imports no module with kernels may import these."""
+    package = Path(_jit.__file__).parent
+    for name in _jit._NO_KERNELS:
+        place = package / name
+        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
+            assert "njit" not in path.read_text(), path
 
 
 def test_kernels_are_kept_in_the_users_cache(tmp_path: Path) -> None:

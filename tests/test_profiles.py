@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from reduced_workflow import ROOT, digests
+from reduced_workflow import ROOT, SMALL, digests
 from slurm_cluster import NoCluster, find_programs, jobs, one_node_cluster
 
 PROFILES = ROOT / "workflow" / "profiles"
@@ -55,16 +55,16 @@ def test_every_rule_that_a_profile_groups_is_there() -> None:
     assert set(profile["group-components"]) <= set(profile["groups"].values())
 
 
-def test_a_cluster_gives_the_same_bytes(finished: Path, tmp_path: Path) -> None:
+def test_a_cluster_gives_the_same_bytes(finished_small: Path, tmp_path: Path) -> None:
     """One campaign from its raw logs, a figure of the other, and what is made of both."""
     try:
         find_programs()
     except NoCluster as reason:
         pytest.skip(str(reason))
-    shutil.copytree(finished, tmp_path, symlinks=True, dirs_exist_ok=True)
+    shutil.copytree(finished_small, tmp_path, symlinks=True, dirs_exist_ok=True)
     results = tmp_path / "results"
-    shutil.rmtree(results / "fx_pro")
-    shutil.rmtree(results / "dragon_skin_20" / "figures")
+    shutil.rmtree(results / SMALL[0])
+    shutil.rmtree(results / SMALL[1] / "figures")
     (results / "summary.md").unlink()
     options = [
         *("--profile", str(PROFILES / "slurm")),
@@ -74,7 +74,7 @@ def test_a_cluster_gives_the_same_bytes(finished: Path, tmp_path: Path) -> None:
         run = snakemake(tmp_path, *options, environment=environment)
         submitted = jobs(environment)
     assert run.returncode == 0, run.stdout + run.stderr
-    assert digests(results) == digests(finished / "results")
+    assert digests(results) == digests(finished_small / "results")
     # Two campaigns share one job; what waits for all of them is another.
     assert [job["JobState"] for job in submitted] == ["COMPLETED", "COMPLETED"]
     group, publish = (job["Comment"] for job in submitted)

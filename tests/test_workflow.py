@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import campaigns
-from reduced_workflow import REDUCED, SNAKEMAKE, configure, digests, snakemake
+from reduced_workflow import REDUCED, SMALL, SNAKEMAKE, configure, digests, small, snakemake
 from spa_fo.atomic import TEMPORARY
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -168,11 +168,10 @@ def test_an_edit_reruns_what_depends_on_it(
 
 @pytest.mark.parametrize("moment", ["*/trials.csv", "*/figures/*.png"])
 def test_a_killed_run_started_again_gives_the_same_bytes(
-    finished: Path, tmp_path: Path, moment: str
+    finished_small: Path, tmp_path: Path, moment: str
 ) -> None:
     """Killed as soon as a first such file is there: between two steps, and within one."""
-    (tmp_path / "raw").symlink_to(ROOT / "raw")
-    configure(tmp_path)
+    small(tmp_path)
     process = subprocess.Popen(
         [*SNAKEMAKE, "--directory", str(tmp_path)],
         stdout=subprocess.DEVNULL,
@@ -185,12 +184,12 @@ def test_a_killed_run_started_again_gives_the_same_bytes(
     assert process.poll() is None
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    (results / "fx_pro").mkdir(exist_ok=True)
-    (results / "fx_pro" / f"{TEMPORARY}1234.csv").write_text("half a li")
+    (results / SMALL[1]).mkdir(exist_ok=True)
+    (results / SMALL[1] / f"{TEMPORARY}1234.csv").write_text("half a li")
     assert snakemake(tmp_path, "--unlock").returncode == 0
     run = snakemake(tmp_path)
     assert run.returncode == 0, run.stdout + run.stderr
-    assert digests(results) == digests(finished / "results")
+    assert digests(results) == digests(finished_small / "results")
 
 
 def test_a_bad_config_is_one_line_and_exit_code_2(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
 _NO_KERNELS = (
-    *("api", "export", "report", "rig"),
+    *("api", "export", "gap", "report", "rig"),
     *("cli.py", "cli_numbers.py", "export_cli.py", "rig_cli.py"),
 )
 
