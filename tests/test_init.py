@@ -199,6 +199,12 @@ def test_pulses_are_free_and_so_is_nothing() -> None:
     assert guess_protocol(t, np.zeros(t.size))[0] == "free"
 
 
+def test_a_controllers_output_is_free() -> None:
+    rng = np.random.default_rng(0)
+    output = np.convolve(rng.normal(0.0, 50.0, 1040), np.ones(40) / 5.0, mode="valid")
+    assert guess_protocol(np.arange(output.size) / RATE_HZ, output)[0] == "free"
+
+
 def test_repeats_have_one_command() -> None:
     def timed(u: np.ndarray, jitter: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         return np.arange(u.size) / RATE_HZ + jitter * np.sin(np.arange(u.size)), u

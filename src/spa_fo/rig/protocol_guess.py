@@ -14,6 +14,7 @@ Floats = npt.NDArray[np.float64]
 
 _POINTS = 400  # a command is looked at on so many evenly spaced points
 _HOLD_S = 30.0  # a pressure held longer than a step's is a hold
+_RESTLESS = 0.1  # share of rows in which a staircase's command moves, at most
 _RAMPING = 0.4  # share of a triangle's time in which its command moves
 _ALIKE = 0.02  # of the range: mean difference of two commands that are one
 _LONGER = 1.2  # durations of two trials of one command differ by less than this factor
@@ -68,7 +69,7 @@ def _by_changes(t_s: Floats, command: Floats) -> tuple[Protocol, str]:
         if held > _HOLD_S:
             return "hold", f"held for {held:.0f} s; or step_release"
         return "step_release", ""
-    if any(a == b for a, b in pairwise(signs)):
+    if any(a == b for a, b in pairwise(signs)) and _is_held(command):
         return "staircase", ""
     return "free", ""
 
@@ -77,6 +78,12 @@ def _longest_above(t_s: Floats, command: Floats) -> float:
     middle = 0.5 * (command.max() + command.min())
     above = t_s[command > middle]
     return float(above[-1] - above[0])
+
+
+def _is_held(command: Floats) -> bool:
+    """Say whether a command keeps to its levels: a controller's output does not."""
+    moving = np.abs(np.diff(command)) > 0.005 * np.ptp(command)
+    return bool(np.mean(moving) < _RESTLESS)
 
 
 def _is_triangle(t_s: Floats, command: Floats) -> bool:
