@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -154,11 +155,7 @@ def test_all_surroundings_are_read(changes, seed, tmp_path):
 
 
 def test_both_formats_are_drawn():
-    formats = {
-        suffix
-        for seed in range(12)
-        for suffix in [case(seed=seed).formats()[1].suffix]
-    }
+    formats = {suffix for seed in range(12) for suffix in [case(seed=seed).formats()[1].suffix]}
     assert formats == {"log", "csv"}
 
 
@@ -205,7 +202,7 @@ def test_programmes_are_as_described(name):
             assert found == kinds[name]
             assert counts[:2] == [repeats] * 2
             assert all(1 <= count <= repeats for count in counts)
-            changes = sum(a != b for a, b in zip(programme.order, programme.order[1:], strict=False))
+            changes = sum(a != b for a, b in pairwise(programme.order))
             assert order == "interleaved" or changes == len(counts) - 1
             if order == "interleaved" and repeats == 8:
                 assert changes > len(counts)
