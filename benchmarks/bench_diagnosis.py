@@ -10,8 +10,8 @@ up to five effects are tried. Run it with OPENBLAS_NUM_THREADS=1, as the command
 from __future__ import annotations
 
 import argparse
-import json
 import platform
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ import numba
 import numpy as np
 from tabulate import tabulate
 
-from blind.first_rig.build import Case, build, model_document
+from blind.first_rig import write_case
 from spa_fo.atomic import write_text
 from spa_fo.gap import diagnose
 from spa_fo.gap.evidence import angle_chain, collect
@@ -32,7 +32,11 @@ from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.virtual_rig.actuators import PLANS
 from spa_fo.virtual_rig.campaign_writer import write_campaign
 
-RAW = Path(__file__).parents[1] / "raw"
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "tests"))
+from blind_documents import document  # noqa: E402
+
+RAW = ROOT / "raw"
 
 
 def least(run: Callable[[], object], repeats: int, warm: bool = True) -> float:
@@ -76,14 +80,9 @@ def simulator(data: CampaignData, repeats: int) -> str:
 
 def with_effect(name: str, scratch: Path) -> tuple[CampaignData, Model]:
     """Make a campaign of the rich protocol with one effect, and the model of its bare core."""
-    case = Case(name, 7, "closed", (name,), "a", sizes=(4.0,), protocol="rich", model="nominal")
-    for path, content in build(case)[0].items():
-        file = scratch / name / path
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(content)
-    model = scratch / f"{name}.json"
-    model.write_text(json.dumps(model_document(case)), encoding="utf-8")
-    return read_trials(read_campaign(scratch / name)), read_model(model)
+    rich = {"name": "rich", "repeats": 4}
+    write_case(document(name, seed=7, protocol=rich), scratch)
+    return read_trials(read_campaign(scratch / "campaign")), read_model(scratch / "model.json")
 
 
 def diagnosed() -> Iterator[tuple[str, CampaignData, Model]]:

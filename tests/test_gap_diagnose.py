@@ -6,19 +6,18 @@ import json
 import numba
 import pytest
 
-from blind.first_rig.build import Case, build, model_document
+import blind_documents
+from blind.first_rig import write_case
 from spa_fo.gap import claim, diagnose_campaign
 from spa_fo.plant.effects.library import IDS
 
+SEVEN_EACH = {"name": "up_steps", "repeats": 7, "order": "interleaved"}
 
-def written(folder, case):
-    files, _ = build(case)
-    for name, data in files.items():
-        path = folder / "campaign" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
-    (folder / "model.json").write_text(json.dumps(model_document(case)))
-    return folder
+
+def written(folder, *effects, seed, size=4.0):
+    """Write a case of fourteen up-steps; returns the truth about it."""
+    asked = blind_documents.document(*effects, seed=seed, size=size, protocol=SEVEN_EACH)
+    return write_case(asked, folder)
 
 
 def run(folder, out, **options):
@@ -28,10 +27,8 @@ def run(folder, out, **options):
 
 @pytest.fixture(scope="module")
 def hysteresis(tmp_path_factory):
-    case = Case(
-        "case_0001", 21, "closed", ("hysteresis",), form="b", sizes=(4.0,), protocol="up_steps"
-    )
-    folder = written(tmp_path_factory.mktemp("hysteresis"), case)
+    folder = tmp_path_factory.mktemp("hysteresis")
+    assert written(folder, "hysteresis", seed=24)["form"] == "b"
     module = importlib.import_module("spa_fo.gap.diagnose")
     fit_again, part = claim.refit, []
 
@@ -114,9 +111,10 @@ def test_every_parameter_has_an_interval_about_it(hysteresis):
     ("effect", "key"), [("parameter_shift", "a0"), ("sensor_slip", "walk_deg")]
 )
 def test_intervals_hold_what_was_put_in(tmp_path, effect, key):
-    case = Case("case_0002", 31, "closed", (effect,), form="a", sizes=(6.0,), protocol="up_steps")
-    document = run(written(tmp_path, case), tmp_path / "out")
-    put_in = build(case)[1]["parameters"][effect][key]
+    truth = written(tmp_path, effect, seed=33, size=6.0)
+    assert truth["form"] == "a"
+    document = run(tmp_path, tmp_path / "out")
+    put_in = truth["parameters"][effect][key]
     found = {tuple(c["set"]): c.get("parameters") for c in document["causes"]}[(effect,)]
     low, high = found[effect][key]["ci95"]
     assert low <= put_in <= high
@@ -145,20 +143,19 @@ def test_without_hysteresis_in_the_library_it_is_never_named(hysteresis):
 
 
 def test_an_unknown_cause_is_held_against_the_last_trials(tmp_path, monkeypatch):
-    case = Case("case_0004", 24, "closed", ("leak",), sizes=(4.0,), protocol="up_steps")
-    folder = written(tmp_path, case)
+    written(tmp_path, "leak", seed=25)
     module = importlib.import_module("spa_fo.gap.diagnose")
     judged = module._verdict
     monkeypatch.setattr(module, "_verdict", lambda scored, _: judged(scored, 0.9))
-    document = run(folder, folder / "unknown")
+    document = run(tmp_path, tmp_path / "unknown")
     assert document["verdict"]["kind"] == "unknown"
     assert document["shrink"]["held_out_on"] == "the last 4 of 14 trials"
     assert document["evidence"]["held_out_on"] == "the last 4 of 14 trials"
 
 
 def test_no_effect_is_no_gap(tmp_path):
-    folder = written(tmp_path, Case("case_0002", 22, protocol="up_steps"))
-    document = run(folder, tmp_path / "out")
+    written(tmp_path, seed=22)
+    document = run(tmp_path, tmp_path / "out")
     check_contract(document)
     assert document["verdict"] == {"kind": "no_gap", "sets": [], "next_experiment": None}
     assert document["shrink"] is None
@@ -167,7 +164,7 @@ def test_no_effect_is_no_gap(tmp_path):
 
 
 def test_leak_is_told_by_the_pressure(tmp_path):
-    case = Case("case_0003", 23, "closed", ("leak",), sizes=(4.0,), protocol="up_steps")
-    document = run(written(tmp_path, case), tmp_path / "out")
+    written(tmp_path, "leak", seed=23)
+    document = run(tmp_path, tmp_path / "out")
     assert document["verdict"]["sets"][0] == ["leak"]
     assert document["where"]["stage"]["drive"] > 0.8

@@ -66,7 +66,7 @@ def test_there_are_two_forms_of_every_effect():
     for form in ("a", "b"):
         assert set(FORMS[form]) == names
     for name in names:
-        made = [draw_dose(name, form, rng).make(0.04) for form in ("a", "b")]
+        made = [draw_dose(name, form, rng, 14).make(0.04) for form in ("a", "b")]
         # Another specimen is another specimen; all others differ in kind.
         assert (type(made[0]) is type(made[1])) is (name == "parameter_shift")
 
@@ -269,7 +269,7 @@ def test_every_alien_has_its_place_and_is_felt():
         return bench.drive_exactly(command)
 
     _, pressure, volts = read(specimen())
-    for name, known in alien.ALIENS.items():
+    for name, known in alien.FOREIGN_EFFECTS.items():
         make, typical, largest = known.draw(np.random.default_rng(1))
         assert 0 < typical < largest
         given = alien.place(specimen(), make(typical))

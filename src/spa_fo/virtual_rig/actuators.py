@@ -101,8 +101,6 @@ class CampaignPlan:
         Sampling rate.
     calibration_deg : tuple of float
         Angles of the fixture, in order.
-    post_calibration : bool
-        Whether the sensor is calibrated again in the end.
     """
 
     name: str
@@ -118,7 +116,6 @@ class CampaignPlan:
     line_end: bytes = b"\n"
     rate_hz: int = 50
     calibration_deg: tuple[float, ...] = (*range(0, 91, 15), *range(75, -1, -15))
-    post_calibration: bool = True
 
 
 def pressure_for(core: FractionalCore, angle_deg: float) -> float:

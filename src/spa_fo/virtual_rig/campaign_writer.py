@@ -33,7 +33,7 @@ from spa_fo.virtual_rig.wire import (
     data_line,
 )
 
-PRE_CALIBRATION_S = -600.0
+_PRE_CALIBRATION_S = -600.0
 _POST_CALIBRATION_S = 600.0  # after the last trial
 _DWELL_S = 3.0
 _MOVE_S = 2.0
@@ -74,7 +74,7 @@ def campaign_files(plan: CampaignPlan, seed: int) -> dict[str, bytes]:
     """Run a campaign: every file of its folder by its relative name, checksums included."""
     trials = schedule(plan, seed)
     clock = _clock(plan, trials)
-    bench = Bench(plan.specimen, board_rate_hz(plan), PRE_CALIBRATION_S)
+    bench = Bench(plan.specimen, _board_rate_hz(plan), _PRE_CALIBRATION_S)
     pre = _calibrate(plan, bench, clock, stream(plan, seed, "calibration/pre"))
     files = {"calibration/pre.log": pre}
     damages = _shared_out(plan.damage, len(trials), stream(plan, seed, "damage"))
@@ -82,21 +82,18 @@ def campaign_files(plan: CampaignPlan, seed: int) -> dict[str, bytes]:
         bench.rest(trial.started_s)
         rng = stream(plan, seed, trial.file)
         files[trial.file], clock = _record(plan, bench, clock, trial, damage, rng)
-    post_s = None
-    if plan.post_calibration:
-        end_s = trials[-1].started_s + trials[-1].experiment.profile.duration_s
-        post_s = round(end_s + _POST_CALIBRATION_S, 1)
-        bench.rest(post_s)
-        files["calibration/post.log"] = _calibrate(
-            plan, bench, clock, stream(plan, seed, "calibration/post")
-        )
+    end_s = trials[-1].started_s + trials[-1].experiment.profile.duration_s
+    post_s = round(end_s + _POST_CALIBRATION_S, 1)
+    bench.rest(post_s)
+    post = _calibrate(plan, bench, clock, stream(plan, seed, "calibration/post"))
+    files["calibration/post.log"] = post
     files["campaign.yaml"] = _description(plan, seed, trials, post_s).encode("ascii")
     sums = [f"{hashlib.sha256(files[name]).hexdigest()}  {name}\n" for name in sorted(files)]
     files["SHA256SUMS"] = "".join(sums).encode("ascii")
     return files
 
 
-def board_rate_hz(plan: CampaignPlan) -> float:
+def _board_rate_hz(plan: CampaignPlan) -> float:
     """Give the sampling rate by campaign time: the board samples by its own crystal."""
     return plan.rate_hz * (1.0 + plan.clock_error_ppm * 1e-6)
 
@@ -146,7 +143,7 @@ def stream(plan: CampaignPlan, seed: int, name: str) -> np.random.Generator:
 def _clock(plan: CampaignPlan, trials: list[PlannedTrial]) -> BoardClock:
     """Give a board powered on so long enough ago that its micros() wraps as planned."""
     if plan.wrap is None:
-        return BoardClock(PRE_CALIBRATION_S - 60.0, plan.clock_error_ppm)
+        return BoardClock(_PRE_CALIBRATION_S - 60.0, plan.clock_error_ppm)
     name, number, second = plan.wrap
     trial = next(t for t in trials if (t.experiment.name, t.trial) == (name, number))
     wrap_s = WRAP * 1e-6 / (1.0 + plan.clock_error_ppm * 1e-6)
@@ -206,7 +203,7 @@ def _calibrate(
     plan: CampaignPlan, bench: Bench, clock: BoardClock, rng: np.random.Generator
 ) -> bytes:
     """Bend the sensor by hand in the fixture: a move, unlogged, then a dwell at each angle."""
-    angles, still = fixture_angles(plan)
+    angles, still = _fixture_angles(plan)
     time, flex = bench.hold_in_fixture(angles, rng)
     fields = list(zip(angles[still].tolist(), flex[still].tolist(), strict=True))
     lines = [_banner(CALIBRATION_COLUMNS, plan)]
@@ -216,7 +213,7 @@ def _calibrate(
     return b"".join(line + plan.line_end for line in lines)
 
 
-def fixture_angles(plan: CampaignPlan) -> tuple[Array, NDArray[np.bool_]]:
+def _fixture_angles(plan: CampaignPlan) -> tuple[Array, NDArray[np.bool_]]:
     """Give the fixture's angle at each sample of a calibration, and where it stands still."""
     dwell, move = round(_DWELL_S * plan.rate_hz), round(_MOVE_S * plan.rate_hz)
     angles = np.array(plan.calibration_deg, dtype=float)
@@ -234,14 +231,12 @@ def _rows(stamps: NDArray[np.int64], fields: Sequence[tuple[object, ...]]) -> li
     ]
 
 
-def _description(
-    plan: CampaignPlan, seed: int, trials: list[PlannedTrial], post_s: float | None
-) -> str:
+def _description(plan: CampaignPlan, seed: int, trials: list[PlannedTrial], post_s: float) -> str:
     return "".join(f"{line}\n" for line in _description_lines(plan, seed, trials, post_s))
 
 
 def _description_lines(
-    plan: CampaignPlan, seed: int, trials: list[PlannedTrial], post_s: float | None
+    plan: CampaignPlan, seed: int, trials: list[PlannedTrial], post_s: float
 ) -> Iterator[str]:
     yield "schema: spa-fo/campaign/1"
     yield f"name: {plan.name}"
@@ -260,9 +255,8 @@ def _description_lines(
     )
     yield f"input: {{reference_kpa: {plan.specimen.actuator.reference_kpa}}}"
     yield "calibration:"
-    yield f"  - {{file: calibration/pre.log, started_s: {PRE_CALIBRATION_S}}}"
-    if post_s is not None:
-        yield f"  - {{file: calibration/post.log, started_s: {post_s}}}"
+    yield f"  - {{file: calibration/pre.log, started_s: {_PRE_CALIBRATION_S}}}"
+    yield f"  - {{file: calibration/post.log, started_s: {post_s}}}"
     yield "experiments:"
     for experiment in plan.experiments:
         setpoint = "null" if experiment.setpoint_deg is None else f"{experiment.setpoint_deg:g}"
