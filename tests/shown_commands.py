@@ -133,6 +133,8 @@ def refusal(command: str) -> str:
     ``spa-fo`` is asked whether it knows the options, ``make`` whether it has the target, Snakemake
     and modules of Python for their help.
     """
+    if command.startswith("until "):
+        return _syntax_error(command)
     words = [word for word in shlex.split(command, comments=True) if word != "&"]
     words = words[next(i for i, word in enumerate(words) if "=" not in word) :]
     name, *rest = words
@@ -157,6 +159,12 @@ def refusal(command: str) -> str:
     if name == ".":
         return "" if rest == [".venv/bin/activate"] else f"nothing is known of {rest}"
     return f"nothing is known of {name}"
+
+
+def _syntax_error(command: str) -> str:
+    return subprocess.run(
+        ["bash", "-n", "-c", command], capture_output=True, text=True, check=False
+    ).stderr
 
 
 def _unknown_options(program: list[str], words: list[str]) -> str:
