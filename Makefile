@@ -58,7 +58,8 @@ report: reproduce
 
 audit: reproduce
 	$(BIN)/python -m spa_fo.report.audit_document results docs
-	cp results/dragon_skin_20/figures/step_responses.png docs/figures/
+	cp results/dragon_skin_20/figures/step_responses.png \
+	  results/dragon_skin_20/diagnosis/opening.png docs/figures/
 
 docs: $(INSTALLED)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict

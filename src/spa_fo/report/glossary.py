@@ -89,7 +89,7 @@ def _entry(effect: str, name: str, fitted: Mapping[str, Any]) -> Entry:
         interval="" if ci95 is None else " to ".join(number(end) for end in ci95),
         unit=unit,
         typical="about 1" if form is None else typical(form),
-        means=PARAMETER_MEANS[effect].get(name, ""),
+        means=PARAMETER_MEANS.get(effect, {}).get(name, ""),
     )
 
 
