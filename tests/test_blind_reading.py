@@ -24,6 +24,7 @@ from blind.judge import (
 )
 from blind.judge.attempt import attempt
 from blind.judge.questions import in_sets
+from blind.judge.realised import realise
 from blind_records import ids
 from spa_fo.errors import BadInput
 
@@ -231,7 +232,7 @@ def test_no_answer_at_all_is_refused(tmp_path: Path) -> None:
         answer_in(folder_with(tmp_path, "model.json", "{}"))
 
 
-def together(batch: Path, entry: Mapping[str, Any], *cases: str) -> list[Outcome]:
+def together(batch: Path, entry: Mapping[str, Any] | None, *cases: str) -> list[Outcome]:
     labels = {name: label() for name in ("case_0007", *cases)}
     return outcomes(labels, [(batch, {"case_0007": entry})], batch / "labels.json")
 
@@ -244,12 +245,19 @@ def test_truth_answer_and_unseen_trials_come_together(tmp_path: Path) -> None:
     assert (outcome.realised, outcome.refused) == (Realised(2.0, 0.5, 1.5), "")
     (refused,) = together(batch, {"error": "later: cannot be read"})
     assert (refused.realised, refused.refused) == (None, "later: cannot be read")
+    (silent,) = together(batch, None)
+    assert (silent.realised, silent.refused) == (None, "")
 
 
 def test_a_case_without_a_diagnosis_is_refused(tmp_path: Path) -> None:
     batch = folder_with(tmp_path, "error.txt", "no").parent
     with pytest.raises(BadInput, match="diagnosis of case_0008, found none"):
         together(batch, {"error": "no"}, "case_0008")
+
+
+def test_what_claims_nothing_is_not_tried_on_unseen_trials(tmp_path: Path) -> None:
+    out = folder_with(tmp_path, "diagnosis.json", json.dumps(diagnosis(shrink=None)))
+    assert realise(tmp_path / "no_case", out, seed=1) is None
 
 
 def fails(error: Exception) -> None:

@@ -1,22 +1,21 @@
-"""Errors of the plain, the augmented and the refitted model on the unseen trials of each case."""
+"""Errors of the plain, the augmented and the refitted model on each claim's unseen trials."""
 
 import json
 from dataclasses import asdict
 from pathlib import Path
 
 from blind.judge.attempt import attempt
-from blind.judge.realised import judged_model, realise
+from blind.judge.realised import realise
 from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
 
 
 def of_case(case, out, seed):
-    """The errors, or why there are none: as where the sensor left its range, or no diagnosis."""
+    """The errors, or why there are none: as where the sensor left its range; or no claim at all."""
     if (out / "error.txt").is_file():
         return {"error": "there is no diagnosis"}
-    augmented = out / "augmented_model.json"
-    found, message = attempt(case, realise, case, judged_model(case, out, seed), augmented, seed)
-    return {"error": message} if message else asdict(found)
+    found, message = attempt(case, realise, case, out, seed)
+    return {"error": message} if message else found and asdict(found)
 
 
 with workflow_step(snakemake.log[0], snakemake.threads):

@@ -67,9 +67,14 @@ def _diagnoses(
     for folder in sorted(batch.glob("case_*")):
         if folder.name not in labels:
             raise BadInput(folder, "is a diagnosis of a case without a label")
-        entry = realised[folder.name]
-        refused = entry.get("error")
-        yield folder, (read_realised(entry, folder), "") if refused is None else (None, refused)
+        yield folder, _unseen(realised[folder.name], folder)
+
+
+def _unseen(entry: Mapping[str, Any] | None, folder: Path) -> tuple[Realised | None, str]:
+    """Read what came of a claim: nothing was claimed, or nothing can be said, or the errors."""
+    if entry is None:
+        return None, ""
+    return (None, str(entry["error"])) if "error" in entry else (read_realised(entry, folder), "")
 
 
 def answer_in(folder: Path) -> Answer:

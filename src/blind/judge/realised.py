@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -55,27 +56,41 @@ def rmse_deg(model: Model, data: CampaignData, source: Path | str = "model") -> 
     return float(np.sqrt(np.mean((table["angle_deg"] - table["predicted_deg"]) ** 2)))
 
 
-def realise(case: Path, plain: Path, augmented: Path, seed: int) -> Realised:
-    """Run three models on the unseen trials of a case.
+def realise(case: Path, out: Path, seed: int) -> Realised | None:
+    """Run three models on the unseen trials of a case, where the diagnosis claims a shrink.
 
     Parameters
     ----------
     case : Path
         Folder of the case: ``campaign/`` is what the diagnosis saw, ``later/`` what it did not.
-    plain, augmented : Path
-        The judged model, and the one that the diagnosis wrote.
+    out : Path
+        Folder of the diagnosis.
     seed : int
         Of the third, the plain model identified again on ``campaign/``.
+
+    Returns
+    -------
+    Realised or None
+        None where nothing is claimed.
 
     Raises
     ------
     BadInput
         A file cannot be read or used.
     """
+    if json.loads((out / "diagnosis.json").read_text(encoding="utf-8")).get("shrink") is None:
+        return None
     unseen = campaign_data(case / "later")
-    refitted = fitted_model(campaign_data(case / "campaign"), seed)
+    given, augmented = judged_model(case, out, seed), out / "augmented_model.json"
+    plain = read_model(given)
+    refitted = plain if _is_own(case) else fitted_model(campaign_data(case / "campaign"), seed)
     return Realised(
-        before_deg=rmse_deg(read_model(plain), unseen, plain),
+        before_deg=rmse_deg(plain, unseen, given),
         after_deg=rmse_deg(read_model(augmented), unseen, augmented),
         refit_deg=rmse_deg(refitted, unseen),
     )
+
+
+def _is_own(case: Path) -> bool:
+    """Whether the judged model is the one identified on the campaign itself."""
+    return not (case / "model.json").is_file() and not (case / "earlier").is_dir()
