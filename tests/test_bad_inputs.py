@@ -403,6 +403,8 @@ CASES = (
     Case("no such port", "check /dev/nowhere", ("/dev/nowhere", "expected a serial port")),
     Case("a faulty fault", "rig serve --fault cat=1", ("--fault: expected KIND=SHARE",)),
     Case("another specimen", "rig serve --specimen elastosil", ("--specimen", "dragon_skin_20")),
+    Case("a folder of no logs", "init nowhere", ("nowhere", "expected a folder of logs")),
+    Case("a campaign already", "init steps", ("steps/campaign.yaml", "is there already")),
     # diagnosis.json
     Case("no diagnosis", PLAN, ("diagnosis.json", "as spa-fo diagnose"), _gone("diagnosis.json")),
     Case(

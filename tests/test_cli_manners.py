@@ -56,6 +56,7 @@ REFUSALS = [
     ["fit", "--ouput", "x"],
     ["parse", "nowhere"],
     ["inspect", "nowhere.csv"],
+    ["init", "nowhere"],
     ["fit", "nowhere", "--out", "m.json"],
     ["predict", "none.json", "nowhere", "--out", "p.csv"],
     ["diagnose", "nowhere", "--model", "none.json", "--out", "d"],

@@ -155,6 +155,7 @@ def _add_init(commands: Commands) -> None:
 
 
 def _init(options: argparse.Namespace) -> None:
+    places.log_folder(options.folder)
     from spa_fo.api.init import init_campaign
 
     print(init_campaign(options.folder))

@@ -36,6 +36,19 @@ def campaign_folder(folder: Path) -> Path:
     return path
 
 
+def log_folder(folder: Path) -> None:
+    """Refuse a folder of logs that is not there.
+
+    Raises
+    ------
+    BadInput
+        It is missing, or a file.
+    """
+    if not folder.is_dir():
+        near = "" if folder.exists() else _neighbour(folder)
+        raise BadInput(folder, f"is not there; expected a folder of logs{near}")
+
+
 def input_file(path: Path, expected: str) -> None:
     """Refuse a file that is not there; `expected` says what it would have been.
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spa_fo.errors import BadInput
+from spa_fo.places import log_folder
 from spa_fo.rig import checksums
 from spa_fo.rig.campaign import Protocol
 from spa_fo.rig.csv_log import read_csv_log
@@ -118,8 +119,7 @@ def draft_campaign(folder: Path | str) -> Draft:
         There is no folder, no log that can be read, or none that holds an angle.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise BadInput(folder, "is not there; expected a folder of logs")
+    log_folder(folder)
     found, left_out = _inspected(folder)
     if not found:
         first = next((f"; {file}: {why}" for file, why in left_out.items()), "")
