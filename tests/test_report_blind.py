@@ -193,16 +193,22 @@ def test_the_command_copies_the_results_beside_the_page(results: Path, tmp_path:
     beside.mkdir(parents=True)
     (beside / "history_one_rig.csv").write_text(OLD)
     (beside / "note.md").write_text("# A note\n\nWhat it means.\n")
-    (beside / "measured_repeats.md").write_text("Of nine campaigns none was found to differ.\n")
+    (beside / "measured_repeats.md").write_text(
+        "# Repeats\n\nOf [nine](measured_repeats.md) [campaigns](../real.md)\nnone was found to differ.\n"
+        "\n## What is asked\n\nToo long.\n"
+    )
+    (documents / "real.md").write_text("Measured.\n")
     assert main([str(results), str(documents), "--command", "snakemake blind"]) == 0
     page = (documents / "blind.md").read_text()
     links = {part.split(")")[0] for part in page.split("](")[1:]}
-    assert len(links) == 5 + len(FIGURES)
+    assert {"blind/measured_repeats.md", "real.md"} <= links
+    assert len(links) == 7 + len(FIGURES)
     for link in links:
         assert (documents / link).is_file(), link
     assert "`snakemake blind`" in page
     assert "\n\nWhat it means.\n\n" in page
-    assert "Of nine campaigns" in page
+    assert "none was found to differ" in page
+    assert "Too long." not in page
     assert PRIORS[0][1] in page
     assert "| found | ≥ 0.95 | 0.955 |" in page
     assert "classes" not in json.loads((beside / "scores.json").read_text())

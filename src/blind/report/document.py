@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shutil
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -209,7 +210,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m blind.report.document",
         description="Copy the results of the blind benchmark into the documents, with their page. "
-        "blind/note.md and blind/measured_repeats.md there become parts of it.",
+        "blind/note.md there becomes a part of it, and the beginning of blind/measured_repeats.md.",
     )
     parser.add_argument("results", type=Path, help="folder with scores.json, tables and figures")
     parser.add_argument("documents", type=Path, help="gets blind.md and blind/")
@@ -225,7 +226,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             before=read_history(beside / "history_one_rig.csv"),
             priors=import_module("blind.surroundings").describe(),
             note=_part(beside / "note.md"),
-            measured=_part(beside / "measured_repeats.md"),
+            measured=_opening(beside / "measured_repeats.md"),
         )
         page = document(scores, origin, further)
         _copy((path for name in _COPIED for path in sorted(given.results.glob(name))), beside)
@@ -254,6 +255,18 @@ def _part(path: Path) -> str:
     text = path.read_text(encoding="utf-8").strip()
     first, _, rest = text.partition("\n")
     return rest.strip() if first.startswith("# ") else text
+
+
+def _opening(path: Path) -> str:
+    """Read how a page in the folder beside begins, its links seen from here, and link to it."""
+    text, _, _ = _part(path).partition("\n## ")
+    if not text:
+        return ""
+    here = re.sub(r"\]\((?!\w+:|\.\./)", f"]({path.parent.name}/", text.strip())
+    here = here.replace("](../", "](")
+    return (
+        f"{here}\n\nWhat is asked, and every answer: [{path.stem}]({path.parent.name}/{path.name})."
+    )
 
 
 def _scores(path: Path) -> Mapping[str, Any]:
