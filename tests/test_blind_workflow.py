@@ -158,6 +158,6 @@ def test_a_label_changed_after_the_diagnosis_is_refused(
     )
     assert run.returncode != 0
     lines = [line for line in run.stderr.splitlines() if line.startswith("spa-fo: ")]
-    assert len(lines) == 1
+    assert len(lines) == 1, run.stdout + run.stderr
     assert "is not the label that was sealed" in lines[0]
     assert not (results / "labels.json").exists()
