@@ -275,7 +275,7 @@ def test_a_name_may_be_written_with_dots(folder: Path) -> None:
 
 def test_no_folder_and_no_description(tmp_path: Path, folder: Path) -> None:
     assert "is not there; expected a campaign folder" in refused(tmp_path / "nothing")
-    assert "is not there; expected a campaign folder" in refused(folder / "campaign.yaml")
+    assert "is a file; expected a campaign folder" in refused(folder / "campaign.yaml")
     (folder / "campaign.yaml").unlink()
     assert "small/campaign.yaml: is missing" in refused(folder)
 
