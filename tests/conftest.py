@@ -34,6 +34,15 @@ SLOW = {
     ),
 }
 
+# They talk to a board that keeps time: beside other work on all processors they would come late.
+REALTIME = (
+    "test_firmware.py",
+    "test_rig_full_campaign.py",
+    "test_rig_live_check.py",
+    "test_rig_recorder.py",
+    "test_virtual_board.py",
+)
+
 # Which of several processes this is, where there are several (`pytest -n 2`).
 PROCESS = os.environ.get("PYTEST_XDIST_WORKER")
 
@@ -44,6 +53,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for place in (file, f"{file}::{getattr(item, 'originalname', item.name)}"):
             if place in SLOW:
                 item.add_marker(pytest.mark.slow(SLOW[place]))
+        if file in REALTIME:
+            item.add_marker(pytest.mark.realtime)
     # What takes longest begins first, that the processes end together.
     items.sort(key=lambda item: "workflow" not in item.keywords)
 

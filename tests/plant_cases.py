@@ -68,7 +68,7 @@ def entry(name: str, **changes: float) -> dict[str, Any]:
 
 
 def model(*effects: Mapping[str, Any], **changes: Any) -> Model:
-    return Model("arm", "rubber", TransferFunction(*X), KPA, effects=effects, **changes)
+    return Model("arm", "test rubber", TransferFunction(*X), KPA, effects=effects, **changes)
 
 
 def step_release(kpa: float = SIXTY, rest: float = 0.5, up: float = 4.0, down: float = 2.5):

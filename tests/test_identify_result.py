@@ -109,14 +109,18 @@ def test_whole_logs_on_request(data: CampaignData) -> None:
 
 
 @pytest.mark.parametrize("whole_logs", [False, True])
-@pytest.mark.parametrize("factor", [0.0, -1.0])
-def test_an_angle_that_does_not_rise_is_refused(
-    data: CampaignData, whole_logs: bool, factor: float
-) -> None:
-    turned = tuple(replace(t, angle_deg=factor * t.angle_deg) for t in data.trials)
+def test_an_angle_that_does_not_rise_is_refused(data: CampaignData, whole_logs: bool) -> None:
+    turned = tuple(replace(t, angle_deg=-t.angle_deg) for t in data.trials)
     with pytest.raises(BadInput, match="expected an angle that rises with the input") as refused:
         fit_campaign(replace(data, trials=turned), bootstrap=0, whole_logs=whole_logs)
     assert "log.columns.angle.scale: -1" in str(refused.value)
+
+
+@pytest.mark.parametrize("whole_logs", [False, True])
+def test_an_angle_that_never_moves_is_refused(data: CampaignData, whole_logs: bool) -> None:
+    still = tuple(replace(t, angle_deg=0.0 * t.angle_deg) for t in data.trials)
+    with pytest.raises(BadInput, match="the angle does not move in any trial"):
+        fit_campaign(replace(data, trials=still), bootstrap=0, whole_logs=whole_logs)
 
 
 def test_no_pressure_to_fit(data: CampaignData) -> None:

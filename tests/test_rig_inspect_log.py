@@ -321,7 +321,7 @@ def test_a_missing_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     with pytest.raises(SystemExit) as left:
         main(["inspect", str(tmp_path / "none.csv")])
     assert left.value.code == 2
-    assert "none.csv: cannot be read" in capsys.readouterr().err
+    assert "none.csv: is not there" in capsys.readouterr().err
 
 
 def test_a_spa_rig_log_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,7 @@ from spa_fo.cli_shared import (
     spare_inputs,
     tell,
     tell_drawn,
+    tell_oddities,
     tell_replaced,
 )
 from spa_fo.edge import (
@@ -43,7 +44,7 @@ from spa_fo.export_cli import add_export
 from spa_fo.rig_cli import add_rig_commands
 
 if TYPE_CHECKING:
-    from spa_fo.api import Campaign
+    pass
 
 _A_MODEL = "a model file, as spa-fo fit makes one"
 
@@ -209,7 +210,7 @@ def _fit(options: argparse.Namespace) -> None:
         seed=options.seed, whole_logs=options.whole_logs, input=options.input, bounds=bounds
     )
     result.save(options.out)
-    _tell_oddities(campaign)
+    tell_oddities(campaign)
     print(result)
 
 
@@ -261,7 +262,7 @@ def _predict(options: argparse.Namespace) -> None:
     prediction.save(options.out)
     for note in filter(None, (prediction.stranger, prediction.note)):
         tell(f"{options.model}: {note}")
-    _tell_oddities(prediction.campaign)
+    tell_oddities(prediction.campaign)
     samples, trials = len(prediction.table), len(prediction.campaign.trials)
     tell(f"{options.out}: {samples} samples of {trials} trials{in_place_of(replaced)}")
     print(prediction)
@@ -315,12 +316,6 @@ def _diagnose(options: argparse.Namespace) -> None:
     print(*diagnosis.headline(), page, sep="\n")
 
 
-def _tell_oddities(campaign: Campaign) -> None:
-    """Say what is odd about a campaign; only when all went well, as a refusal is one line."""
-    for warning in campaign.parse_report.warnings:
-        tell(f"{campaign.data.campaign.folder}: {warning}")
-
-
 def _add_plan(commands: Commands) -> None:
     parser = add_command(
         commands,
@@ -365,7 +360,7 @@ def _plan(options: argparse.Namespace) -> None:
     standing = read_standing(options.diagnosis, campaign.name)
     plan = plan_next(campaign, standing, options.max_duration, options.max_pressure)
     plan.save(options.out)
-    _tell_oddities(campaign)
+    tell_oddities(campaign)
     print(plan)
 
 

@@ -98,13 +98,16 @@ def tell_drawn(paths: Sequence[Path]) -> None:
 
 
 def loaded_campaign(folder: Path) -> Campaign:
-    """Read a campaign, and say what is odd about it or was left out."""
+    """Read a campaign."""
     from spa_fo.api import Campaign
 
-    campaign = Campaign.load(folder)
+    return Campaign.load(folder)
+
+
+def tell_oddities(campaign: Campaign) -> None:
+    """Say what is odd about a campaign; only when all went well, as a refusal is one line."""
     for warning in campaign.parse_report.warnings:
-        tell(f"{folder}: {warning}")
-    return campaign
+        tell(f"{campaign.data.campaign.folder}: {warning}")
 
 
 def tell(step: str) -> None:
