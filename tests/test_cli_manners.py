@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -283,3 +284,18 @@ def test_an_export_says_that_the_cause_is_unknown(
         assert ("VERDICT UNKNOWN" in capsys.readouterr().out) == bool(extra)
         text = (tmp_path / f"{name}_filter.csv").read_text(encoding="utf-8")
         assert ("VERDICT UNKNOWN" in text) == bool(extra)
+
+
+@dataclass(frozen=True)
+class Found:
+    kind: str
+    model: Model
+
+
+@pytest.mark.parametrize("kind", ["cause", "ambiguous", "no_gap", "unknown"])
+def test_a_model_knows_that_its_diagnosis_does_not_know(kind: str) -> None:
+    from spa_fo.api.model import _with_verdict
+
+    plain = Model("steps", "rubber", TransferFunction(**campaigns.TRUTH), 30.0)
+    found = _with_verdict(Found(kind, plain))  # type: ignore[arg-type]
+    assert found.model.extra == ({"verdict": "unknown"} if kind == "unknown" else {})
