@@ -194,7 +194,8 @@ def test_the_command_copies_the_results_beside_the_page(results: Path, tmp_path:
     (beside / "history_one_rig.csv").write_text(OLD)
     (beside / "note.md").write_text("# A note\n\nWhat it means.\n")
     (beside / "measured_repeats.md").write_text(
-        "# Repeats\n\nOf [nine](measured_repeats.md) [campaigns](../real.md)\nnone was found to differ.\n"
+        "# Repeats\n\nOf [nine](measured_repeats.md) [campaigns](../real.md)\n"
+        "none was found to differ.\n"
         "\n## What is asked\n\nToo long.\n"
     )
     (documents / "real.md").write_text("Measured.\n")
