@@ -24,7 +24,7 @@ help:
 	@echo "make audit       the audit of the paper -> docs/audit.md"
 	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md (about an hour)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
-	@echo "make repeats     diagnose repeated commands in DATA -> docs/blind/measured_repeats.md"
+	@echo "make repeats     diagnose repeated commands in DATA -> docs/blind/ (12 minutes of processor time)"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow"
 	@echo "make firmware    build the board's program, and a simulated board to run it on"
 	@echo "make firmware-tools   install what that needs (Debian, as root)"
