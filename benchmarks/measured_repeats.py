@@ -46,6 +46,7 @@ from spa_fo.report.style import (  # noqa: E402
     BLACK,
     BLUE,
     GREY,
+    SKY,
     TWO_COLUMNS_IN,
     VERMILION,
     mark_provenance,
@@ -372,8 +373,7 @@ def figure(found: Mapping[Series, Sequence[Fitted]]) -> Figure:
     shown = {s: fits for s, fits in found.items() if len(fits[0].data.trials) == 1}
     names = [series.name for series in shown]
     columns = 3
-    cells = [*names, "legend"]
-    cells += ["."] * (-len(cells) % columns)
+    cells = [*names, *["legend"] * (-len(names) % columns or columns)]
     mosaic = [cells[i : i + columns] for i in range(0, len(cells), columns)]
     drawn = new_figure(TWO_COLUMNS_IN, 0.3 + 1.65 * len(mosaic), mosaic)
     axes = {axis.get_label(): axis for axis in drawn.axes}
@@ -385,9 +385,13 @@ def figure(found: Mapping[Series, Sequence[Fitted]]) -> Figure:
                 trial.t_s,
                 trial.angle_deg,
                 "-",
-                color=GREY if number else BLACK,
+                color={0: BLACK, len(fits) - 1: SKY}.get(number, GREY),
                 linewidth=0.9,
-                label={0: "measured: first repeat", 1: "measured: later repeats"}.get(number),
+                label={
+                    0: "measured: first repeat",
+                    len(fits) - 1: "measured: last repeat",
+                    1: "measured: those between",
+                }.get(number),
             )
         (trial,) = last.data.trials
         for model, colour, line, whose in (
@@ -404,7 +408,7 @@ def figure(found: Mapping[Series, Sequence[Fitted]]) -> Figure:
             )
         axis.set_title(f"{series.name}: {len(fits)} repeats", loc="left")
         axis.set(xlabel="time (s)", ylabel="angle (°)")
-    handles, labels = axes[names[0]].get_legend_handles_labels()
+    handles, labels = axes[max(shown, key=lambda s: len(shown[s])).name].get_legend_handles_labels()
     axes["legend"].axis("off")
     axes["legend"].legend(handles, labels, loc="center left")
     return drawn
@@ -451,7 +455,8 @@ is found that is there is what [the blind benchmark](../blind.md) is for.
 Real repeats are not quite alike, least where the arm has not come back to rest. Their RMS
 difference stands beside every answer, and pairs that differ by at most {alike} of A's swing are
 counted once more by themselves. Pairs of one log share cycles, and both directions share both
-repeats, so there is no interval here: the numbers rest on {logs} logs of {actuators} actuators.
+repeats, so there is no interval here: the numbers rest on {logs} logs of {kinds_of_actuator}
+kinds of actuator.
 
 ## What is said
 
@@ -526,7 +531,7 @@ def page(found: Mapping[Series, Sequence[Fitted]], pairs: Sequence[Pair], comman
         seed=SEED,
         pairs=len(pairs),
         logs=len(files),
-        actuators=len({series.material for series in found}),
+        kinds_of_actuator=len({series.material for series in found}),
         alike=WITHIN,
         kinds=_markdown(_kinds(pairs)),
         errors_of_model=_markdown([_sizes(series, pairs) for series in found]),
@@ -543,10 +548,12 @@ def _lead(pairs: Sequence[Pair]) -> str:
     wrong = [pair for pair in pairs if pair.false_cause]
     idle = f"{sum(pair.of_no_difference for pair in wrong)} of the {len(wrong)}"
     of_copies = f" {idle} are named of a copy of A as well, which differs from A in nothing."
+    count = Counter(pair.of_b.kind for pair in pairs)
+    said = ", ".join(f"`{kind}` {count[kind]}" for kind in (*KINDS, ERROR) if count[kind])
     return (
         f"**A cause that appears between repeats is named in {len(wrong)} of {len(pairs)} pairs**, "
         f"in {sum(pair.false_cause for pair in near)} of the {len(near)} whose repeats differ by "
-        f"at most {WITHIN} of the swing." + of_copies * bool(wrong)
+        f"at most {WITHIN} of the swing. The answers on B: {said}." + of_copies * bool(wrong)
     )
 
 
