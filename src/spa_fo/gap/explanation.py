@@ -61,9 +61,10 @@ class Explanation:
         result: dict[str, dict[str, Any]] = {}
         for name in self.ids:
             effect = LIBRARY[name]
-            values = e[effect.slots]
+            # What the mixed model fits as columns and variances knows no bounds.
             result[name] = {
-                p.name: float(v) for p, v in zip(effect.parameters, values, strict=True)
+                p.name: float(np.clip(v, p.low, p.high))
+                for p, v in zip(effect.parameters, e[effect.slots], strict=True)
             }
         if "parameter_shift" in result:
             names = ("alpha2", "alpha1", "a1", "a0", "b0")
@@ -72,10 +73,12 @@ class Explanation:
         if "sensor_slip" in result:
             zeros = self.fit.zeros_deg
             walk = float(np.polyfit(orders, zeros, 1)[0]) if orders.size > 1 else 0.0
-            result["sensor_slip"] = {"walk_deg": walk, "zero_deg": float(zeros[0])}
+            slip = LIBRARY["sensor_slip"].parameters
+            values = zip(slip, (walk, float(zeros[0])), strict=True)
+            result["sensor_slip"] = {p.name: min(max(v, p.low), p.high) for p, v in values}
         if "mains_pickup" in result and self.pickup is not None:
             result["mains_pickup"] = {
-                "amplitude_deg": self.pickup[1],
+                "amplitude_deg": min(self.pickup[1], LIBRARY["mains_pickup"].parameters[0].high),
                 "frequency_hz": self.pickup[0],
             }
         return result

@@ -133,8 +133,9 @@ def findings(stress: Stress, own: bool, verdict: Verdict) -> tuple[str, ...]:
         )
     elif verdict.kind == "unknown":
         found.append(
-            "The best explanation leaves no more than a right one would, but only by liberties "
-            "that a right one does not take: coefficients moved, corrections, helpers."
+            "The best explanation leaves no more than a right one would, but only with "
+            "compensating terms that a right one does not need: coefficients moved, discrepancies, "
+            "further small effects."
         )
     elif verdict.kind != "no_gap":
         found.append(
