@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
+from spa_fo.gap.bench_noise import bench_noise
 from spa_fo.gap.candidates import Candidates, Ids, consider
 from spa_fo.gap.claim import claim, refit
 from spa_fo.gap.diagnosis import (
@@ -210,6 +211,7 @@ def diagnose(
         findings=(
             *findings(stress, own, verdict),
             *drive_finding(candidates, everything, held),
+            *filter(None, [bench_noise(everything, candidates.given).sentence()]),
         ),
         baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
         traces=_traces(everything, claimed.held, curves, final),

@@ -1,0 +1,198 @@
+"""Noise within trials and scatter between them, each against its own definition."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from spa_fo.gap.bench_noise import BenchNoise, dwell_error
+from spa_fo.gap.noise import (
+    CORRELATION_S,
+    TYPICAL_DEG,
+    Differences,
+    Scatter,
+    Spectrum,
+    averaged,
+    contrasts,
+    estimate,
+    scatter,
+    whitener,
+)
+
+Floats = NDArray[np.float64]
+
+STEP_S = 0.02
+TYPICAL = Scatter(gain=0.01, rest_deg=0.2, time_scale=0.01)
+
+
+def steps(lengths: list[int]) -> tuple[Floats, Floats, Floats]:
+    """Middle, length and count of averages over so many samples each."""
+    count = np.array(lengths, dtype=float)
+    ends = np.cumsum(count) * STEP_S
+    return ends - 0.5 * count * STEP_S, count * STEP_S, count
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(st.integers(1, 16), min_size=2, max_size=6))
+def test_correlations_of_averages_are_those_of_their_samples(lengths: list[int]) -> None:
+    """Each window cut into many pieces, the process's own correlation between all of them."""
+    middle, width, _ = steps(lengths)
+    pieces = 200
+    fine = (np.arange(pieces) + 0.5) / pieces - 0.5
+    inside = [m + w * fine for m, w in zip(middle, width, strict=True)]
+    for k, tau in enumerate(CORRELATION_S):
+        naive = np.array(
+            [
+                [np.mean(np.exp(-np.abs(a[:, None] - b[None, :]) / tau)) for b in inside]
+                for a in inside
+            ]
+        )
+        np.testing.assert_allclose(averaged(middle, width)[k], naive, atol=2e-4)
+
+
+def test_a_whitener_makes_noise_white_and_knows_its_determinant() -> None:
+    middle, width, count = steps([1, 1, 2, 4, 8, 8, 8])
+    covariance = Spectrum(0.04, np.full(5, 0.1)).covariance(middle, width, count)
+    w = whitener(covariance)
+    np.testing.assert_allclose(w @ covariance @ w.T, np.eye(7), atol=1e-10)
+    assert np.allclose(w, np.tril(w))
+    assert -2.0 * np.sum(np.log(np.diag(w))) == pytest.approx(np.linalg.slogdet(covariance)[1])
+
+
+def bench(
+    coloured_deg: float, correlation_s: float, white_deg: float, own: Scatter, seed: int
+) -> list[Differences]:
+    """Make four experiments of four trials each on a bench of this noise and scatter."""
+    rng = np.random.default_rng(seed)
+    lengths = ([1] * 20 + [2] * 20 + [4] * 10 + [8] * 10) * 3
+    middle, width, count = steps(lengths)
+    time = STEP_S * (np.arange(int(count.sum())) + 0.5)
+    starts = np.append(0, np.cumsum(lengths)[:-1])
+    answer = 50.0 * (1.0 - np.exp(-time / 2.0))
+    quicker = 25.0 * time * np.exp(-time / 2.0)
+    found = []
+    for _ in range(4):
+        trials = []
+        for _ in range(4):
+            gain, rest, scale = rng.standard_normal(3)
+            noise = np.empty(time.size)
+            noise[0] = coloured_deg * rng.standard_normal()
+            keep = np.exp(-STEP_S / correlation_s)
+            kicks = coloured_deg * np.sqrt(1.0 - keep**2) * rng.standard_normal(time.size)
+            for i in range(1, time.size):
+                noise[i] = keep * noise[i - 1] + kicks[i]
+            noise += white_deg * rng.standard_normal(time.size)
+            whole = (1.0 + own.gain * gain) * answer + own.time_scale * scale * quicker
+            trials.append(np.add.reduceat(whole + own.rest_deg * rest + noise, starts) / count)
+        mean_quicker = np.add.reduceat(quicker, starts) / count
+        fixed = np.full(count.size, 1e-6)
+        found.append(contrasts(np.array(trials), middle, width, count, fixed, mean_quicker))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("coloured_deg", "correlation_s"), [(0.25, 0.8), (0.3, 0.06), (0.02, 0.5), (0.4, 2.0)]
+)
+def test_noise_is_found_as_it_was_made(coloured_deg: float, correlation_s: float) -> None:
+    found = estimate(bench(coloured_deg, correlation_s, 0.05, TYPICAL, 3), 0.055)
+    assert found.repeats == 12
+    expected = np.hypot(coloured_deg, 0.05)
+    assert found.deviation_deg == pytest.approx(expected, rel=0.25)
+    mean_log = float(found.coloured @ np.log(CORRELATION_S) / found.coloured.sum())
+    if coloured_deg > 0.1:
+        assert np.exp(mean_log) == pytest.approx(correlation_s, rel=0.6)
+
+
+def test_scatter_is_found_and_is_no_noise() -> None:
+    """16 trials: a standard deviation is known within a fifth."""
+    own = Scatter(gain=0.03, rest_deg=0.6, time_scale=0.03)
+    differences = bench(0.1, 0.5, 0.05, own, 4)
+    noise = estimate(differences, 0.05)
+    assert noise.deviation_deg == pytest.approx(np.hypot(0.1, 0.05), rel=0.3)
+    found = scatter(differences, noise, TYPICAL)
+    assert found.gain == pytest.approx(own.gain, rel=0.4)
+    assert found.time_scale == pytest.approx(own.time_scale, rel=0.4)
+    assert found.rest_deg == pytest.approx(own.rest_deg, rel=0.4)
+
+
+def test_a_periodic_interference_is_no_noise() -> None:
+    quiet = bench(0.05, 0.5, 0.05, TYPICAL, 5)
+    rng = np.random.default_rng(6)
+    humming = []
+    for d in quiet:
+        phase = rng.uniform(0.0, 2.0 * np.pi, (d.values.shape[0], 1))
+        wave = 1.0 * np.sinc(1.3 * d.width_s) * np.cos(2.0 * np.pi * 1.3 * d.time_s + phase)
+        humming.append(
+            Differences(d.values + wave, d.nuisances, d.fixed, d.time_s, d.width_s, d.count)
+        )
+    assert estimate(humming, 0.05).deviation_deg < 1.6 * estimate(quiet, 0.05).deviation_deg
+
+
+def test_without_repeats_noise_is_what_benches_have() -> None:
+    found = estimate([], 0.03)
+    assert found.repeats == 0
+    np.testing.assert_allclose(np.sqrt(found.coloured), TYPICAL_DEG, rtol=1e-4)
+    assert np.sqrt(found.white) == pytest.approx(0.03, rel=1e-4)
+    assert scatter([], found, TYPICAL) == TYPICAL
+
+
+def test_contrasts_have_the_noise_of_one_trial_and_no_mean() -> None:
+    rng = np.random.default_rng(7)
+    middle, width, count = steps([4] * 30)
+    angles = np.linspace(0.0, 40.0, 30) + rng.standard_normal((5, 30))
+    found = contrasts(angles, middle, width, count, np.zeros(30), np.zeros(30))
+    assert found.values.shape == (4, 30)
+    shifted = contrasts(angles + 7.0, middle, width, count, np.zeros(30), np.zeros(30))
+    np.testing.assert_allclose(found.values, shifted.values, atol=1e-9)
+    squares = np.sum((angles - angles.mean(axis=0)) ** 2)
+    assert np.sum(found.values**2) == pytest.approx(squares)
+
+
+# --- the fixture ----------------------------------------------------------------------------------
+
+
+def calibrated(error_deg: float, loop_deg: float, seed: int) -> SimpleNamespace:
+    """A calibration up and down over 19 angles, its film with a smooth loop."""
+    rng = np.random.default_rng(seed)
+    angles = [*np.arange(0.0, 91.0, 5.0)]
+    dwells = []
+    for direction, sign in (("up", 1.0), ("down", -1.0)):
+        for angle in angles if direction == "up" else angles[::-1]:
+            loop = 0.5 * sign * loop_deg * np.sin(np.pi * angle / 90.0)
+            mean = angle + loop + error_deg * rng.standard_normal()
+            dwells.append(SimpleNamespace(angle_deg=angle, direction=direction, mean=mean))
+    return SimpleNamespace(dwells=dwells, angle_deg=lambda counts: counts)
+
+
+@pytest.mark.parametrize("error_deg", [0.03, 0.2, 0.8])
+@pytest.mark.parametrize("loop_deg", [0.0, 3.0])
+def test_the_error_of_a_dwells_angle_is_found_beside_a_loop(
+    error_deg: float, loop_deg: float
+) -> None:
+    found = [dwell_error([calibrated(error_deg, loop_deg, seed)]) for seed in range(12)]  # type: ignore[list-item]
+    assert None not in found
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(error_deg, rel=0.2, abs=0.02)
+
+
+def test_angles_that_were_held_once_say_nothing_of_their_error() -> None:
+    once = calibrated(0.5, 0.0, 1)
+    once.dwells = [d for d in once.dwells if d.direction == "up"]
+    assert dwell_error([once]) is None  # type: ignore[list-item]
+    assert dwell_error([]) is None
+
+
+def test_what_the_bench_adds_is_said_where_trials_were_repeated() -> None:
+    own = Scatter(gain=0.015, rest_deg=0.2, time_scale=0.02)
+    noise = Spectrum(0.0, np.array([0.0, 0.0, 0.0625, 0.0, 0.0]), 12)
+    said = BenchNoise(noise, own, 0.2).sentence()
+    assert "noise of 0.25°, correlated over about 1 s" in said
+    assert "1.5 % in gain, 0.2° at rest, 2 % in time scale" in said
+    assert said.endswith("known angles err by about 0.2°.")
+    assert "known angles" not in BenchNoise(noise, own, None).sentence()
+    alone = Spectrum(noise.white, noise.coloured, 0)
+    assert BenchNoise(alone, own, 0.2).sentence() == ""
