@@ -28,6 +28,7 @@ from spa_fo.report.experiments import rms
 from spa_fo.report.glossary import typical
 from spa_fo.report.headline import headline
 from spa_fo.report.parameter_words import PARAMETER_MEANS
+from spa_fo.report.sections import step_line
 
 PLAIN = Model("bench", "rubber", TransferFunction(1.4, 1.2, 0.8, 1.6, 0.9), 30.0)
 STAGES = {"drive": 0.1, "actuator": 0.83, "sensor": 0.07, "acquisition": 0.0}
@@ -216,6 +217,15 @@ def test_an_ambiguous_verdict_names_every_set_and_what_would_decide() -> None:
     (step,) = [line for line in page["What to do next"].splitlines() if "Calibrate" in line]
     assert step.startswith("- **Calibrate with dwells of 60 s**: the film alone creeps there. ")
     assert step.endswith("It tells creep of the material from creep of the sensor.")
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_a_step_says_whether_an_effect_has_a_part(turned: int) -> None:
+    apart = (("leak",), ("leak", "creep"))[::turned]
+    line = step_line(Step("weigh it", "it may be heavy", apart))
+    assert line == (
+        "**Weigh it**: it may be heavy. It tells whether creep of the material has a part in it."
+    )
 
 
 def test_unknown_trusts_no_name() -> None:

@@ -62,10 +62,12 @@ def step_line(step: Step) -> str:
     if not step.apart:
         return line
     one, other = (
-        phrase([each for each in ids if each not in against] or ids, " + ")
+        phrase([each for each in ids if each not in against], " + ")
         for ids, against in (step.apart, step.apart[::-1])
     )
-    return f"{line} It tells {one} from {other}."
+    if one and other:
+        return f"{line} It tells {one} from {other}."
+    return f"{line} It tells whether {one or other} has a part in it."
 
 
 def cause_table(diagnosis: Diagnosis) -> str:
