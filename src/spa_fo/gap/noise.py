@@ -6,9 +6,9 @@ and a bit, and white noise:
     R = diag(d) + v_0 diag(1/n) + Σ_k v_k C_k,   C_k(t, t') = exp(-|t - t'| / τ_k)
 
 each averaged over the steps that the samples are averaged over. Sums of this kind come near any
-falling spectrum, 1/f among them. The variances maximise the restricted likelihood (Patterson and Thompson 1971,
-doi:10.1093/biomet/58.3.545) of what repeated trials differ by, with a trial's own zero, gain, delay
-and time scale taken out, under a prior as wide as benches are.
+falling spectrum, 1/f among them. The variances maximise the restricted likelihood (Patterson and
+Thompson 1971, doi:10.1093/biomet/58.3.545) of what repeated trials differ by, with a trial's own
+zero, gain, delay and time scale taken out, under a prior as wide as benches are.
 """
 
 from __future__ import annotations
