@@ -15,7 +15,6 @@ from plotly import graph_objects as go
 from browser import CHROMIUM, DESKTOP, PHONE, Page, address, browser
 from pages import Addresses, words
 from spa_fo.gap.diagnosis import Diagnosis, Gap, Traces
-from spa_fo.gap.findings import MISSING
 from spa_fo.report.causes import likelihood
 from spa_fo.report.experiments import worst
 from spa_fo.report.headline import opening
@@ -78,7 +77,7 @@ def test_the_opening_of_an_open_question_names_the_next_step() -> None:
 
 
 def test_a_floor_without_repeats_is_not_said_to_be_of_repeats() -> None:
-    alone = replace(UNEXPLAINED, misses=(MISSING["repeats"],))
+    alone = replace(UNEXPLAINED, gap=replace(UNEXPLAINED.gap, repeats=False))
     assert "the noise of single samples" in opening(alone.to_dict())[0]
     assert "repeated trials" in opening(UNEXPLAINED.to_dict())[0]
 

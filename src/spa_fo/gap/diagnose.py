@@ -187,6 +187,7 @@ def diagnose(
     causes = _causes(candidates, everything, verdict, claimed.errors)
     progress("looking for the experiment that would decide")
     steps = next_steps(verdict.kind, verdict.sets, causes, everything, floor)
+    noise = bench_noise(everything, candidates.given)
     return Diagnosis(
         campaign=data.campaign.name,
         material=data.campaign.material,
@@ -198,6 +199,7 @@ def diagnose(
             noise_floor_deg=floor,
             significant=verdict.kind != "no_gap",
             p_value=verdict.p_value,
+            repeats=noise.spectrum.repeats > 0,
         ),
         where=Where(stage=_stages(verdict, candidates, everything, curves["plain"]), **located),
         causes=causes,
@@ -211,7 +213,7 @@ def diagnose(
         findings=(
             *findings(stress, own, verdict),
             *drive_finding(candidates, everything, held),
-            *filter(None, [bench_noise(everything, candidates.given).sentence()]),
+            *filter(None, [noise.sentence()]),
         ),
         baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
         traces=_traces(everything, claimed.held, curves, final),

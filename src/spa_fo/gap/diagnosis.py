@@ -21,12 +21,16 @@ SCHEMA = "spa-fo/diagnosis/1"
 
 @dataclass(frozen=True)
 class Gap:
-    """Whether the plain model misses the campaign by more than trials miss each other, deg."""
+    """Whether the plain model misses the campaign by more than trials miss each other, deg.
+
+    `repeats` says whether any experiment was run more than once.
+    """
 
     rmse_deg: float
     noise_floor_deg: float
     significant: bool
     p_value: float
+    repeats: bool = True
 
 
 @dataclass(frozen=True)

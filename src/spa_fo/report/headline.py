@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from spa_fo.gap.findings import MISSING
 from spa_fo.report.causes import likelihood, percent
 from spa_fo.report.effect_words import EFFECT_WORDS, joined, phrase
 
@@ -119,8 +118,7 @@ def _missed(document: Mapping[str, Any]) -> str:
 
 def _repeats(document: Mapping[str, Any]) -> bool:
     """Say whether some experiment has a repeat, which the noise floor is then of."""
-    lacking = MISSING["repeats"] in document["evidence"].get("misses", ())
-    return bool(document["gap"].get("repeats", not lacking))
+    return bool(document["gap"].get("repeats", True))
 
 
 def _blamed(document: Mapping[str, Any]) -> str:
