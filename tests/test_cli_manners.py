@@ -171,7 +171,7 @@ def test_a_rerun_says_what_it_replaces_and_another_campaigns_result_is_kept(
     monkeypatch.setattr("spa_fo.api.campaign.Campaign.fit", lambda *_, **__: Fitted())
     out = model(tmp_path / "m.json")
     assert main(["fit", str(steps), "--out", str(out)]) == 0
-    assert f"{out}: replaces the model of 'steps'" in capsys.readouterr().err
+    assert f"{out}: replaced the model of 'steps'" in capsys.readouterr().err
     foreign = model(tmp_path / "other.json", "other")
     before = foreign.read_bytes()
     line = line_of(["fit", str(steps), "--out", str(foreign)], capsys)

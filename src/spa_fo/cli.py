@@ -205,11 +205,11 @@ def _fit(options: argparse.Namespace) -> None:
     spare_inputs(options)
     campaign = loaded_campaign(options.campaign)
     replaced = places.replaced_model(options.out, campaign.name, options.overwrite)
-    tell_replaced(options.out, replaced)
     result = campaign.fit(
         seed=options.seed, whole_logs=options.whole_logs, input=options.input, bounds=bounds
     )
     result.save(options.out)
+    tell_replaced(options.out, replaced)
     tell_oddities(campaign)
     print(result)
 
@@ -307,12 +307,12 @@ def _diagnose(options: argparse.Namespace) -> None:
     check_request(model.document, options.exclude_effect, options.model)
     campaign = Campaign.load(options.campaign)
     replaced = places.replaced_diagnosis(options.out, campaign.name, options.overwrite)
-    tell_replaced(options.out, replaced)
     diagnosis = model.diagnose(
         campaign, exclude=options.exclude_effect, seed=options.seed, progress=tell
     )
     tell("drawing")
     *_, page = diagnosis.save(options.out)
+    tell_replaced(options.out, replaced)
     print(*diagnosis.headline(), page, sep="\n")
 
 
@@ -355,11 +355,11 @@ def _plan(options: argparse.Namespace) -> None:
 
     spare_inputs(options, options.diagnosis)
     replaced = places.replaced_file(options.out, BANNER, "a planned profile", options.overwrite)
-    tell_replaced(options.out, replaced)
     campaign = loaded_campaign(options.campaign)
     standing = read_standing(options.diagnosis, campaign.name)
     plan = plan_next(campaign, standing, options.max_duration, options.max_pressure)
     plan.save(options.out)
+    tell_replaced(options.out, replaced)
     tell_oddities(campaign)
     print(plan)
 

@@ -87,9 +87,9 @@ def in_place_of(what: str) -> str:
 
 
 def tell_replaced(place: Path, what: str) -> None:
-    """Say on stderr what is going to be replaced, if anything is."""
+    """Say on stderr what was replaced, if anything was; only now, as a refusal is one line."""
     if what:
-        tell(f"{place}: replaces {what}")
+        tell(f"{place}: replaced {what}")
 
 
 def tell_drawn(paths: Sequence[Path]) -> None:
