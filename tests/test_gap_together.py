@@ -101,6 +101,17 @@ def test_large_results_come_back_whole_after_a_parallel_kernel(two: None) -> Non
         np.testing.assert_array_equal(found, np.full(10**6, size))
 
 
+@forks
+def test_a_failure_ends_the_others_whatever_the_caller_does_with_signals(two: None) -> None:
+    """The copies of a process that handles SIGTERM handle it too."""
+    before = signal.signal(signal.SIGTERM, lambda *_: None)
+    try:
+        with pytest.raises(ZeroDivisionError):
+            each(lambda item: 1 / item and time.sleep(3600.0), [0, 1])
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def test_an_error_reaches_the_caller() -> None:
     with pytest.raises(ZeroDivisionError):
         each(lambda item: 1 / item, [1, 0, 2])

@@ -91,7 +91,7 @@ def _in_processes(
     finally:
         for process, link in staff:
             if link in busy:
-                process.terminate()
+                process.kill()  # the caller may handle SIGTERM, and its copies then would too
             process.join()
             link.close()
     return [results[index] for index in range(len(items))]
