@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.evidence import Evidence, angle_chain
-from spa_fo.gap.explain import paced
+from spa_fo.gap.searched import paced
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.floor import Repeats, repeats
 from spa_fo.gap.noise import (
     CORRELATION_S,
@@ -30,8 +31,12 @@ from spa_fo.rig import Calibration
 
 Floats = NDArray[np.float64]
 
-TYPICAL = Scatter(gain=0.01, rest_deg=0.2, time_scale=0.01)
-"""Scatter of trials before they are seen; assumed, of an ordinary bench."""
+TYPICAL = Scatter(
+    gain=SETTINGS.gain_scatter,
+    rest_deg=SETTINGS.rest_scatter_deg,
+    time_scale=SETTINGS.time_scatter,
+)
+"""Scatter of trials before they are seen."""
 _FIXED_DEG = 0.03  # error of averaging a curve over a step
 _PACE_STEP = 2e-3
 _FEWEST_ROWS = 12  # averaged samples that trials must share

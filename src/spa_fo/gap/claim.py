@@ -2,42 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.candidates import Candidates, Ids
+from spa_fo.gap.bench import Bench
+from spa_fo.gap.decide import Scored, Verdict
 from spa_fo.gap.diagnosis import Shrink
-from spa_fo.gap.drive import fit_drive
+from spa_fo.gap.drive import Drive, DriveFit
 from spa_fo.gap.evidence import Evidence, angle_chain
-from spa_fo.gap.explain import AngleProblem
-from spa_fo.gap.explanation import Explanation, simulate
-from spa_fo.gap.floor import noise_floor
-from spa_fo.gap.hold_out import (
-    HeldOut,
-    Trials,
-    fraction_closed,
-    in_turn,
-    judged,
-    last_trials,
-    rmse,
-    shrink,
-)
+from spa_fo.gap.explanation import Explanation, angle_part, explanation_of, simulate
+from spa_fo.gap.floor import noise_floor, repeats
+from spa_fo.gap.hold_out import HeldOut, judged, rmse, shrink
+from spa_fo.gap.search import Explanations, Fitted, fit
 from spa_fo.gap.together import each
-from spa_fo.gap.verdict import Scored, Verdict, log_weight
-from spa_fo.plant.effects.library import absent
+from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 
 Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
 
-_PART_EXPLAINED = 0.8  # of the gap; what closes less of the last trials foretells little
+_MOST = 6  # explanations whose predictions are tried
+_LIKELY = 0.005  # probability from which one is
 _LEAST_SCATTER = 0.1  # of what trials differ by, beside an interference
-_FREE_FORM_DEG = 2.0  # typical size of a correction without physics
-_UNLIKE = ("triangle", "free", "staircase", "hold", "step_release", "step")
-_MOST, _FEW = 6, 3  # explanations that are fitted again without some trials
-_LIKELY = 0.005  # probability from which one counts among the most
 
 
 @dataclass(frozen=True)
@@ -47,11 +35,13 @@ class Claim:
     Attributes
     ----------
     held : HeldOut
-        Trials that took no part in what predicts them.
+        Trials that took no part in choosing or fitting.
     curves : dict
         Predictions at all averaged samples, deg: ``plain``, ``refit``, ``explained``, ``ceiling``.
     errors : dict
         RMS error of the leading explanations on those trials, deg; of the plain model under ``()``.
+    closed : dict
+        What each leading explanation closes of the gap there.
     shrink : Shrink or None
         How far the gap closes; None where nothing is explained.
     """
@@ -59,190 +49,145 @@ class Claim:
     held: HeldOut
     curves: dict[str, Floats]
     errors: dict[Ids, float]
+    closed: dict[Ids, float]
     shrink: Shrink | None
 
 
+def by_chance(ids: Ids) -> bool:
+    """Whether what a set does to a trial is the trial's own, so that nobody can foretell it."""
+    return any(at_port(port, ids) for port in ("zeros", "line"))
+
+
+def exact(scored: Scored, found: Explanations, drive: Drive | None, bench: Bench) -> Explanation:
+    """Fit just the effects that a set names, to the trials of a bench."""
+    pressed = None
+    if drive is not None:
+        ids = tuple(n for n in scored.named if LIBRARY[n].stage == "drive")
+        pressed = drive.fits.get(ids) if ids else None
+    ids = angle_part(scored.named, _own_drive(drive), scored.fast is not None)
+    known = found.fits.get(ids)
+    if known is not None and bench is found.bench:
+        return explanation_of(scored, known, pressed)
+    start = known.z if known is not None else _without_others(scored.angle, ids)
+    return explanation_of(scored, fit(bench, ids, [start], found.plain), pressed)
+
+
+def _own_drive(drive: Drive | None) -> DriveFit | None:
+    return None if drive is None else drive.best
+
+
+def _without_others(angle: Fitted, ids: Ids) -> Floats:
+    """Take what is searched of some effects out of a fit that holds them among others."""
+    kept, at = [angle.z[:5]], 5
+    for name in angle.ids:
+        if LIBRARY[name].port != "chain":
+            continue
+        end = at + len(LIBRARY[name].parameters)
+        if name in ids:
+            kept.append(angle.z[at:end])
+        at = end
+    return np.concatenate(kept)
+
+
 def claim(
-    candidates: Candidates,
+    found: Explanations,
+    drive: Drive | None,
     everything: Evidence,
     held: HeldOut,
     verdict: Verdict,
+    given: Floats,
     floor_deg: float,
     rng: np.random.Generator,
 ) -> Claim:
-    """Predict trials that took no part, and measure how far the gap closes on them.
-
-    Some trials at a time are left out; the leading explanations are fitted to the others, the best
-    there is chosen anew, and predicts them. Where the cause is unknown, what is explained stands in
-    for something else, and holds better among the trials that it was fitted to than after them:
-    there the last trials take no part, and only what closes most of their gap is claimed.
+    """Predict the trials that took no part, and measure how far the gap closes on them.
 
     Parameters
     ----------
-    candidates : Candidates
-        What was fitted.
+    found : Explanations
+        Fits of the angle to the other trials.
+    drive : Drive or None
+        Fits of the pressure to these.
     everything : Evidence
         The campaign with all its trials.
     held : HeldOut
-        Trials that took no part in `candidates`.
+        Trials that took no part.
     verdict : Verdict
         The answer.
+    given : (5,) array
+        Coefficients of the given model.
     floor_deg : float
         The noise floor.
     rng : numpy.random.Generator
-        For the trials left out, and the bootstrap over them.
+        For the bootstrap over trials.
     """
-    unlike = _least_alike(everything)
-    held, folds = _folds(everything, held, verdict, rng)
-    leading = _leading(verdict)
-    parts = each(lambda fold: _without(candidates, everything, fold, leading), folds)
-    curves = {
-        name: _assembled([part.curves[name] for part in parts], folds, everything)
-        for name in parts[0].curves
-    }
+    leading = [s for s in verdict.scored if s.named][:_MOST]
+    leading = [s for s in leading if s.named in verdict.sets or s.probability >= _LIKELY]
     where = judged(everything, held)
+    chain = angle_chain(everything, given, None)
+    curves = {"plain": chain.run(given, absent())[0]}
+    again = _identified_again(found)
+    curves["refit"] = angle_chain(everything, again.x, None).run(again.x, absent())[0]
     errors: dict[Ids, float] = {(): rmse(everything, curves["plain"], where)}
-    for s in leading:
-        by_fold = [part.explained[s.named] for part in parts]
-        errors[s.named] = rmse(everything, _assembled(by_fold, folds, everything), where)
-    unproved = verdict.kind == "unknown" and not held.trials.any()
-    if not verdict.sets or parts[0].chosen is None or unproved:
-        return Claim(held, curves, errors, None)
-    scatter = _scatter(everything, parts[0].chosen, curves["explained"], floor_deg)
-    closed = shrink(everything, held, curves, scatter, rng)
-    if verdict.kind == "unknown" and closed.fraction_closed < _PART_EXPLAINED:
-        return Claim(held, curves, errors, None)
-    if unlike is not None:
-        part = _without(candidates, everything, unlike.trials, leading)
-        closed = replace(closed, protocol=_on_protocol(part, everything, unlike, scatter))
-    return Claim(held, curves, errors, closed)
+    fits = each(lambda s: exact(s, found, drive, found.bench), leading)
+    predicted = {s.named: simulate(e, everything) for s, e in zip(leading, fits, strict=True)}
+    closed = {}
+    for named, curve in predicted.items():
+        errors[named] = rmse(everything, curve, where)
+        closed[named] = 1.0 - (errors[named] / max(errors[()], 1e-12)) ** 2
+    first = verdict.sets[0] if verdict.sets else ()
+    curves["explained"] = predicted.get(first, curves["plain"])
+    curves["ceiling"] = curves["refit"] + _repeating(everything, held, curves["refit"])
+    made = None
+    if first:
+        chosen = next(e for s, e in zip(leading, fits, strict=True) if s.named == first)
+        scatter = _scatter(everything, chosen, curves["explained"], floor_deg)
+        made = shrink(everything, held, curves, scatter, rng)
+    return Claim(held, curves, errors, closed, made)
 
 
-def _leading(verdict: Verdict) -> list[Scored]:
-    """List the explanations that may turn out best without some trials."""
-    named = [s for s in verdict.scored if s.named][:_MOST]
-    return [s for rank, s in enumerate(named) if rank < _FEW or s.probability >= _LIKELY]
+def _identified_again(found: Explanations) -> Fitted:
+    """Return the plain model identified again, which any cause has to beat."""
+    name = at_port("coefficients")
+    if found.bench.own or name is None:
+        return found.plain
+    known = found.fits.get((name,))
+    return known if known is not None else fit(found.bench, (name,), [found.plain.z], found.plain)
 
 
-def _folds(
-    everything: Evidence, held: HeldOut, verdict: Verdict, rng: np.random.Generator
-) -> tuple[HeldOut, list[Trials]]:
-    """Say which trials are predicted, and which of them are left out at a time."""
-    if not verdict.sets:
-        return held, [held.trials]
-    if verdict.kind == "unknown" and held.trials.any():
-        last = last_trials(everything)
-        return last, [last.trials]
-    folds = in_turn(everything, held, rng)
-    if len(folds) > 1:
-        out = np.logical_or.reduce(folds)
-        text = f"{out.sum()} trials, each predicted by a fit that had not seen it"
-        held = HeldOut(out, f"{text} ({len(folds)} fits)")
-    return held, folds
-
-
-def _assembled(curves: Sequence[Floats], folds: Sequence[Trials], everything: Evidence) -> Floats:
-    """Take each trial from the fold that leaves it out, and what none leaves out from the first."""
-    whole = curves[0].copy()
-    for curve, fold in zip(curves, folds, strict=True):
-        rows = fold[everything.grid.sample_trial]
-        whole[rows] = curve[rows]
-    return whole
-
-
-def _least_alike(everything: Evidence) -> HeldOut | None:
-    """Find the protocol least like the others: steps say little of a triangle."""
-    trials = everything.grid.trials
-    protocol = {trial.experiment: trial.protocol for trial in trials}
-    if len(protocol) < 2:
-        return None
-    name = min(protocol, key=lambda name: _UNLIKE.index(protocol[name]))
-    out = np.array([trial.experiment == name for trial in trials])
-    return HeldOut(out, f"{name}: {int(out.sum())} trials")
-
-
-@dataclass(frozen=True)
-class _Part:
-    """What fits without some trials predict, at all averaged samples, deg.
-
-    `explained` holds the leading explanations'; `chosen` is the best of them, if there are any.
-    """
-
-    curves: dict[str, Floats]
-    explained: dict[Ids, Floats]
-    chosen: Explanation | None
-
-
-def _without(
-    candidates: Candidates, everything: Evidence, out: Trials, leading: Sequence[Scored]
-) -> _Part:
-    """Fit the leading explanations and the plain model to the trials that are not left out."""
-    evidence, given = replace(candidates.evidence, takes_part=~out), candidates.given
-    centre = candidates.centre
-    fitted = {s.named: refit(candidates, evidence, s.explanation) for s in leading}
-    explained = {named: simulate(e, everything) for named, e in fitted.items()}
-    best = max(fitted, key=lambda named: log_weight(fitted[named]), default=None)
-    chain = angle_chain(evidence, given, None)
-    plain, _ = chain.run(given, absent())
-    start = candidates.angles[((), candidates.loose)].searched
-    again = AngleProblem(evidence, chain, centre, (), candidates.loose).fit(start)
-    loose = replace(evidence, tolerance_deg=_FREE_FORM_DEG)
-    free_form = AngleProblem(loose, chain, centre, (), candidates.loose).fit(again.searched)
-    curves = {
-        "plain": plain,
-        "refit": again.predicted_deg,
-        "ceiling": free_form.predicted_deg + free_form.discrepancy_deg,
-        "explained": plain if best is None else explained[best],
-    }
-    return _Part(curves, explained, None if best is None else fitted[best])
+def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
+    """Give what repeats in the fitted trials beyond a curve, at all samples, deg: no physics."""
+    grid = everything.grid
+    left = grid.angle_deg - curve
+    out = np.zeros_like(left)
+    for repeated in repeats(everything, left, ~held.trials):
+        seen = np.isfinite(repeated.values)
+        mean = np.where(seen, repeated.values, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+        time = grid.time_s[repeated.rows]
+        number = everything.alike[grid.sample_trial[repeated.rows[0]]]
+        for trial in np.flatnonzero(everything.alike == number):
+            rows = everything.rows[trial]
+            out[rows] = np.interp(grid.time_s[rows], time, mean)
+    return out
 
 
 def _scatter(
     everything: Evidence, chosen: Explanation, explained_deg: Floats, floor_deg: float
 ) -> float:
-    """Noise floor once the explanation is taken out of it, deg.
+    """Tell what trials differ by without what an explanation makes them differ by, deg.
 
     Slip, drift and softening let repeated trials differ, and so does an interference, whose phase
     nobody can foretell: they are part of the gap.
     """
     scatter = min(floor_deg, noise_floor(everything, explained_deg))
-    if chosen.pickup is None:
+    if chosen.line is None:
         return scatter
-    wave = chosen.pickup[1] ** 2 / 2.0
+    wave = chosen.line[1] ** 2 / 2.0
     return float(np.sqrt(max(scatter**2 - wave, (_LEAST_SCATTER * scatter) ** 2)))
 
 
-def _on_protocol(
-    part: _Part, everything: Evidence, unlike: HeldOut, floor_deg: float
-) -> dict[str, Any]:
-    """Say how the explanation that is best without a protocol predicts it."""
-    where = unlike.trials[everything.grid.sample_trial]
-    before, after = (rmse(everything, part.curves[name], where) for name in ("plain", "explained"))
-    return {
-        "held_out_on": unlike.text,
-        "set": list(part.chosen.ids) if part.chosen is not None else [],
-        "before_rmse_deg": before,
-        "after_rmse_deg": after,
-        "fraction_closed": float(fraction_closed(before**2, after**2, floor_deg)),
-    }
+def closes(claimed: Claim, named: Ids, least: float) -> bool:
+    """Say whether a set closes enough of the gap on the held-out trials."""
+    return by_chance(named) or claimed.closed.get(named, 0.0) >= least
 
 
-def refit(candidates: Candidates, evidence: Evidence, chosen: Explanation) -> Explanation:
-    """Fit the chosen explanation once more, to the trials of `evidence`."""
-    fit = chosen.fit
-    problem = AngleProblem(
-        evidence,
-        candidates.chain,
-        candidates.centre,
-        fit.ids,
-        fit.level,
-        pickup=chosen.pickup if "mains_pickup" in fit.ids else None,
-        changed=fit.changed,
-    )
-    again = problem.fit(fit.searched)
-    gained = again.log_evidence - fit.log_evidence
-    drive = None
-    if chosen.drive is not None:
-        drive = fit_drive(evidence, chosen.drive.ids)
-        gained += drive.log_evidence - chosen.drive.log_evidence
-    return replace(chosen, fit=again, drive=drive, log_evidence=chosen.log_evidence + gained)
+

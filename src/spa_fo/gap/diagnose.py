@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.bench_noise import bench_noise
-from spa_fo.gap.candidates import Candidates, Ids, consider
-from spa_fo.gap.claim import claim, refit
+from spa_fo.gap.bench import bench_for
+from spa_fo.gap.claim import Claim, claim, closes, exact
+from spa_fo.gap.decide import Verdict, decide, stage_shares
 from spa_fo.gap.diagnosis import (
     Cause,
     Diagnosis,
@@ -21,19 +21,21 @@ from spa_fo.gap.diagnosis import (
     Where,
     write_diagnosis,
 )
+from spa_fo.gap.drive import Drive, examine_drive
 from spa_fo.gap.evidence import Evidence, angle_chain, collect
-from spa_fo.gap.explanation import Explanation, augmented_model, simulate
+from spa_fo.gap.explanation import Explanation, augmented_model, explanation_of
 from spa_fo.gap.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.floor import noise_floor
-from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse
+from spa_fo.gap.hold_out import HeldOut, hold_out, rmse
+from spa_fo.gap.interference import NONE, fast_line
 from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
 from spa_fo.gap.next_steps import in_words, next_steps
-from spa_fo.gap.unknown import unknown_probability
-from spa_fo.gap.verdict import Scored, Verdict, beating, judge, stage_shares, weigh
+from spa_fo.gap.search import Explanations, explain
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
-from spa_fo.plant.effects.library import IDS, LIBRARY, STAGES, absent
+from spa_fo.plant.effects.library import IDS, LIBRARY, STAGES, absent, at_port
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
@@ -42,11 +44,10 @@ Progress = Callable[[str], None]
 
 COMMONEST = "hysteresis"
 """What one hears most often about soft actuators: a baseline that always answers so."""
-_SAME_MODEL = 0.01  # of the static gain: two step responses nearer than that are one model
-_BY_CHANCE = {"mains_pickup", "sensor_slip"}  # phases and jumps that nobody can foretell
-_AS_REPEATED = 1.15  # noise floors
-_DOUBTED = 0.5  # probability of no gap below which a gap is claimed
-_WORTH_TESTING = 0.01  # probability from which an explanation's predictions are tried
+_IDENTIFIED = "sampling"  # a key that an identification writes to its model
+_NOT_KNOWN = (
+    "neither the pressure nor a calibration was logged: what is not explained may be anyone's"
+)
 
 
 def _silent(step: str) -> None:
@@ -158,65 +159,68 @@ def diagnose(
         Told of each step in words.
     """
     rng = np.random.default_rng(seed)
-    examined = examine(data, plain, excluded, rng, seed, progress)
-    data, everything, held = examined.data, examined.everything, examined.held
-    candidates, scored, floor = examined.candidates, examined.scored, examined.floor_deg
-    own = candidates.own
-    unknown, stress = unknown_probability(scored, candidates, floor)
-    verdict = _verdict(scored, unknown)
-
-    progress("predicting trials by fits that have not seen them")
-    claimed = claim(candidates, everything, held, verdict, floor, rng)
-    curves, shrunk = claimed.curves, claimed.shrink
-    if shrunk is None:
-        verdict = replace(verdict, sets=())
-
+    examined = examine(data, plain, excluded, rng, progress)
+    everything, held, floor = examined.everything, examined.held, examined.floor_deg
+    progress("predicting trials that took no part")
+    claimed = claim(
+        examined.found,
+        examined.drive,
+        everything,
+        held,
+        examined.verdict,
+        examined.given,
+        floor,
+        rng,
+    )
+    verdict = _held_to(examined.verdict, claimed)
+    if verdict.sets[:1] != examined.verdict.sets[:1]:
+        claimed = claim(
+            examined.found, examined.drive, everything, held, verdict, examined.given, floor, rng
+        )
     explained = bool(verdict.sets)
-    if explained:
-        progress("fitting the explanation once more, to all trials")
-    every = replace(candidates.evidence, takes_part=np.ones_like(held.trials))
-    final = refit(candidates, every, _chosen(verdict)) if explained else None
-    if not explained:
-        curves["explained"] = curves["plain"]
+    final = _on_all_trials(examined, verdict, progress) if explained else None
     model = plain
     if final is not None:
         model = augmented_model(final, everything, plain)
-        model = replace(model, extra={**model.extra, "memory": ending_memory(model, data)})
+        memory = ending_memory(model, examined.data)
+        model = replace(model, extra={**model.extra, "memory": memory})
+    curves = claimed.curves
     located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
     everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
-    causes = _causes(candidates, everything, verdict, claimed.errors)
+    causes = _causes(examined, verdict, claimed)
     progress("looking for the experiment that would decide")
     steps = next_steps(verdict.kind, verdict.sets, causes, everything, floor)
-    noise = bench_noise(everything, candidates.given)
+    stage, not_known = _stages(examined, verdict, curves["plain"])
+    noise = examined.found.bench.noise
     return Diagnosis(
         campaign=data.campaign.name,
         material=data.campaign.material,
         provenance=data.campaign.provenance.kind,
         seed=seed,
-        excluded=candidates.excluded,
+        excluded=examined.excluded,
         gap=Gap(
             rmse_deg=rmse(everything, curves["plain"], everywhere),
             noise_floor_deg=floor,
             significant=verdict.kind != "no_gap",
-            p_value=verdict.p_value,
+            p_value=_p_value(verdict),
             repeats=noise.spectrum.repeats > 0,
         ),
-        where=Where(stage=_stages(verdict, candidates, everything, curves["plain"]), **located),
+        where=Where(stage=stage, not_known=not_known, **located),
         causes=causes,
         kind=verdict.kind,
         sets=verdict.sets,
         next_experiment=in_words(steps) if verdict.kind in ("ambiguous", "unknown") else None,
-        held_out_on=claimed.held.text,
-        shrink=shrunk,
+        held_out_on=held.text,
+        shrink=claimed.shrink if explained else None,
         offers=offers(everything),
         misses=misses(everything),
         findings=(
-            *findings(stress, own, verdict),
-            *drive_finding(candidates, everything, held),
+            *findings(verdict, examined.found.bench.own, noise.spectrum.repeats > 0, floor),
+            *drive_finding(examined.drive, everything, held),
             *filter(None, [noise.sentence()]),
         ),
-        baselines={"smallest_bic": _smallest_bic(candidates), "commonest": [COMMONEST]},
-        traces=_traces(everything, claimed.held, curves, final),
+        baselines={"smallest_bic": _smallest_bic(examined), "commonest": [COMMONEST]},
+        traces=_traces(examined, curves if explained else {**curves, "explained": curves["plain"]}, final),
         model=model,
         next_steps=steps,
     )
@@ -234,10 +238,16 @@ class Examined:
         All its trials.
     held : HeldOut
         Trials that took no part.
-    candidates : Candidates
-        Fits to the others.
-    scored : list of Scored
-        Explanations with their probabilities, `unknown` not counted.
+    given : (5,) array
+        Coefficients of the given model.
+    excluded : tuple of str
+        Effects that the library lacked.
+    drive : Drive or None
+        What the measured pressure says.
+    found : Explanations
+        Fits of the angle to the trials that took part.
+    verdict : Verdict
+        The answer, before it is held against the other trials.
     floor_deg : float
         The noise floor.
     """
@@ -245,8 +255,11 @@ class Examined:
     data: CampaignData
     everything: Evidence
     held: HeldOut
-    candidates: Candidates
-    scored: list[Scored]
+    given: Floats
+    excluded: tuple[str, ...]
+    drive: Drive | None
+    found: Explanations
+    verdict: Verdict
     floor_deg: float
 
 
@@ -255,13 +268,11 @@ def examine(
     plain: Model,
     excluded: Sequence[str],
     rng: np.random.Generator,
-    seed: int = 1,
     progress: Progress = _silent,
 ) -> Examined:
     """Fit and weigh every explanation; for the parameters see `diagnose`.
 
-    `rng` chooses the trials that are held out, `seed` is of the fit that shows whether the model
-    is the campaign's own.
+    `rng` chooses the trials that are held out.
     """
     if plain.signal == "pressure":
         data = _driven_by_pressure(data)
@@ -269,23 +280,25 @@ def examine(
     campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
     data = replace(data, campaign=campaign)
     everything = collect(data)
+    excluded = tuple(excluded)
     if everything.grid.command_kpa is None:
-        excluded = (*excluded, *(n for n in IDS if LIBRARY[n].stage == "drive"))
+        drives = [n for n in IDS if LIBRARY[n].stage == "drive" and n not in excluded]
+        excluded = (*excluded, *drives)
     held = hold_out(everything, rng)
     evidence = replace(everything, takes_part=~held.trials)
     given = plain.transfer_function.as_array()
-    own = _is_own(data, plain, seed)
     floor = noise_floor(everything)
-
-    measured = "pressure and angle" if evidence.has_pressure else "angle"
-    progress(f"fitting explanations of the {measured} to {evidence.takes_part.sum()} trials")
-    candidates = consider(evidence, given, own, excluded)
-    progress(
-        f"weighing {len(candidates.angles)} fits of the angle, {len(candidates.drives)} of the "
-        "pressure"
-    )
-    scored = _tested(weigh(candidates, floor), candidates, everything, held, floor)
-    return Examined(data, everything, held, candidates, scored, floor)
+    per_kpa_deg = float(np.degrees(given[4] / given[3])) / plain.reference_kpa
+    progress(f"explaining {evidence.takes_part.sum()} trials")
+    drive = examine_drive(evidence, excluded, per_kpa_deg) if evidence.has_pressure else None
+    own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
+    bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa)
+    found = explain(bench, excluded)
+    progress(f"weighing {len(found.fits)} explanations")
+    line = at_port("line")
+    fast = NONE if line in excluded else fast_line(evidence)
+    verdict = decide(found, drive, fast, evidence, per_kpa_deg, floor)
+    return Examined(data, everything, held, given, excluded, drive, found, verdict, floor)
 
 
 def _driven_by_pressure(data: CampaignData) -> CampaignData:
@@ -296,151 +309,104 @@ def _driven_by_pressure(data: CampaignData) -> CampaignData:
     return replace(data, trials=trials)
 
 
-def _is_own(data: CampaignData, plain: Model, seed: int) -> bool:
-    """Whether the model was fitted to this very campaign: then it has bent with the gap."""
-    from spa_fo.fractional import step_response
-    from spa_fo.identify import fit_campaign
-
-    if plain.campaign != data.campaign.name:
-        return False
-    signal = None if plain.signal == "command" else plain.signal
-    try:
-        fitted = fit_campaign(data, seed=seed, signal=signal, bootstrap=None).model
-    except BadInput:
-        return False
-    t = np.linspace(0.05, 10.0, 60)
-    one = step_response(t, *plain.transfer_function.as_array())
-    other = step_response(t, *fitted.transfer_function.as_array())
-    return bool(np.abs(one - other).max() < _SAME_MODEL * plain.transfer_function.gain)
+def _held_to(verdict: Verdict, claimed: Claim) -> Verdict:
+    """Take sets that close nothing on the held-out trials out of the answer."""
+    if not verdict.sets:
+        return verdict
+    least = SETTINGS.worth if verdict.kind == "unknown" else SETTINGS.closes
+    sets = tuple(named for named in verdict.sets if closes(claimed, named, least))
+    if verdict.kind == "unknown" or not sets:
+        return replace(verdict, kind="unknown", sets=sets)
+    return replace(verdict, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
 
 
-def _tested(
-    scored: list[Scored],
-    candidates: Candidates,
-    everything: Evidence,
-    held: HeldOut,
-    floor_deg: float,
-) -> list[Scored]:
-    """Leave out what does not beat the plain model.
+def _on_all_trials(examined: Examined, verdict: Verdict, progress: Progress) -> Explanation:
+    """Fit the most probable set that stands once more, to all trials."""
+    progress("fitting the explanation once more, to all trials")
+    scored = verdict.of(verdict.sets[0])
+    if not examined.held.trials.any():
+        return exact(scored, examined.found, examined.drive, examined.found.bench)
+    none = np.zeros_like(examined.held.trials)
+    bench = examined.found.bench.without(none)
+    known = exact(scored, examined.found, examined.drive, examined.found.bench)
+    y = examined.found.plain.predicted_deg
+    bench = bench.with_gap(examined.everything.grid.angle_deg - y, y)
+    again = exact(replace(scored, angle=known.angle), examined.found, examined.drive, bench)
+    return explanation_of(scored, again.angle, known.drive)
 
-    Neither on trials that took no part: where these hardly show the gap, as late trials do not show
-    softening, it is enough to predict them as well as they repeat; a model that was fitted to this
-    campaign has seen them, and is identified again without. Nor on all trials as it was given.
+
+def _p_value(verdict: Verdict) -> float:
+    """Bound the probability of so much evidence by chance.
+
+    A Bayes factor against no gap of k is met by chance at most once in k times (Ville 1939).
     """
-    where = judged(everything, held)
-    everywhere = np.ones_like(where)
-    known = unseen = _plain(everything, candidates.given)
-    if candidates.own:
-        unseen = _plain(everything, candidates.angles[((), "own")].x)
-    as_repeated = max(rmse(everything, unseen, where), _AS_REPEATED * floor_deg)
-    limits = (as_repeated, rmse(everything, known, everywhere))
-    kept, errors = scored, dict[Ids, tuple[float, float]]()
-    # What inherits the probability of those that fail is tried in its turn.
-    while untried := [
-        s
-        for s in kept
-        if s.named
-        and s.named not in errors
-        and s.probability > _WORTH_TESTING
-        and not _BY_CHANCE & set(s.named)
-    ]:
-        for s in untried:
-            curve = simulate(s.explanation, everything)
-            errors[s.named] = rmse(everything, curve, where), rmse(everything, curve, everywhere)
-        kept = beating(scored, errors, limits)
-    return kept
-
-
-def _plain(everything: Evidence, x: Floats) -> Floats:
-    """Predict all averaged samples by the plain model with coefficients `x`, deg."""
-    return angle_chain(everything, x, None).run(x, absent())[0]
-
-
-def _verdict(scored: Sequence[Scored], unknown: float) -> Verdict:
-    none = sum(s.probability for s in scored if not s.named)
-    significant = none * (1.0 - unknown) < _DOUBTED
-    # A Bayes factor against no gap of k is met by chance at most once in k times (Ville 1939).
-    prior_odds = 0.3 / 0.7
-    factor = (1.0 - none) / max(none, 1e-300) * prior_odds
-    p_value = float(min(1.0, 1.0 / max(factor, 1e-300)))
-    if significant and none > 0.5:
-        p_value = min(p_value, 1.0 - unknown)
-    return judge(scored, unknown, p_value, significant)
-
-
-def _chosen(verdict: Verdict) -> Explanation:
-    """Return the most probable set that stands; the most probable of all where none does."""
-    for s in verdict.scored:
-        if verdict.sets and s.named == verdict.sets[0]:
-            return s.explanation
-    return verdict.best.explanation
+    odds = (1.0 - SETTINGS.none) / SETTINGS.none
+    factor = (1.0 - verdict.none) / max(verdict.none, 1e-300) / odds
+    return float(min(1.0, 1.0 / max(factor, 1e-300)))
 
 
 def _stages(
-    verdict: Verdict, candidates: Candidates, everything: Evidence, plain_deg: Floats
-) -> dict[str, float]:
+    examined: Examined, verdict: Verdict, plain_deg: Floats
+) -> tuple[dict[str, float] | None, str | None]:
     """Share the gap out to stages: by what explains it, or else by where it is seen."""
-    if verdict.kind in ("no_gap", "cause", "ambiguous"):
-        return stage_shares(verdict)
+    everything = examined.everything
+    if verdict.kind == "no_gap":
+        return dict.fromkeys(STAGES, 0.0), None
+    if verdict.kind in ("cause", "ambiguous"):
+        return stage_shares(verdict), None
+    if not everything.has_pressure and everything.fixture is None and not verdict.sets:
+        return None, _NOT_KNOWN
     drive, whole = 0.0, everything.grid.angle_deg - plain_deg
     if everything.has_pressure:
         # With the measured pressure for the command, what vanishes was the drive's.
-        chain = angle_chain(everything, candidates.given, everything.grid.pressure_kpa)
-        driven, _ = chain.run(candidates.given, absent())
+        chain = angle_chain(everything, examined.given, everything.grid.pressure_kpa)
+        driven, _ = chain.run(examined.given, absent())
         drive = float(np.mean((driven - plain_deg) ** 2))
         whole = everything.grid.angle_deg - driven
     rest = float(np.mean(whole**2)) + 1e-9
+    sensor = 0.0
+    if everything.fixture is not None:
+        fixture = everything.fixture
+        sensor = max(float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2)), 0.0)
+    sensor = min(sensor, rest)
+    named = {"drive": drive, "actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
     if verdict.sets:
         # Where a part is explained, that says more of what is not the drive's.
-        shares = stage_shares(verdict)
+        known = stage_shares(verdict)
         if not everything.has_pressure:
-            return shares
-        beyond = max(1.0 - shares["drive"], 1e-9)
-        shares = {name: share / beyond * rest for name, share in shares.items()}
-    else:
-        sensor = 0.0
-        if everything.fixture is not None:
-            fixture = everything.fixture
-            sensor = max(float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2)), 0.0)
-        sensor = min(sensor, rest)
-        shares = {"actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
-    shares["drive"] = drive
-    total = sum(shares.values())
-    return {stage: shares[stage] / total for stage in STAGES}
+            return known, None
+        beyond = max(1.0 - known["drive"], 1e-9)
+        named = {name: share / beyond * rest for name, share in known.items()} | {"drive": drive}
+    total = sum(named.values())
+    return {stage: named[stage] / total for stage in STAGES}, None
 
 
-def _causes(
-    candidates: Candidates,
-    everything: Evidence,
-    verdict: Verdict,
-    errors: Mapping[Ids, float],
-) -> tuple[Cause, ...]:
-    certain, orders = 1.0 - verdict.unknown, everything.grid.orders
+def _causes(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cause, ...]:
+    orders, found = examined.everything.grid.orders, examined.found
     causes = []
     for s in verdict.scored:
-        e = s.explanation
-        x = dict(zip(PARAMETERS, e.fit.x.tolist(), strict=True))
+        e = Explanation(s.named, s.angle, s.drive, None)
+        if set(s.named) <= set(s.angle.ids) | set(() if s.drive is None else s.drive.ids) or s.fast:
+            e = explanation_of(s, s.angle, s.drive)
+        intervals = with_intervals(e, examined.given, orders) if s.named else {}
         causes.append(
             Cause(
                 set=s.named or ("none",),
-                probability=certain * s.probability,
-                parameters={
-                    name: own
-                    for name, own in with_intervals(e, candidates.given, orders).items()
-                    if name in s.named
-                },
-                transfer_function=x,
-                held_out_rmse_deg=errors.get(s.named),
-                leftover_deg=s.leftover_deg,
+                probability=s.probability,
+                parameters={name: own for name, own in intervals.items() if name in s.named},
+                transfer_function=dict(zip(PARAMETERS, e.x.tolist(), strict=True)),
+                held_out_rmse_deg=claimed.errors.get(s.named),
+                leftover_deg=s.left_deg,
             )
         )
     known = {cause.set for cause in causes}
     if ("none",) not in known:
-        causes.append(Cause(("none",), 0.0, {}, {}, held_out_rmse_deg=errors[()]))
+        x = dict(zip(PARAMETERS, found.plain.x.tolist(), strict=True))
+        causes.append(Cause(("none",), 0.0, {}, x, held_out_rmse_deg=claimed.errors[()]))
     causes += [
         Cause((name,), 0.0, {}, {})
         for name in IDS
-        if (name,) not in known and name not in candidates.excluded
+        if (name,) not in known and name not in examined.excluded
     ]
     causes.append(Cause(("unknown",), verdict.unknown, {}, {}))
     total = sum(cause.probability for cause in causes)
@@ -448,31 +414,32 @@ def _causes(
     return tuple(sorted(causes, key=lambda cause: -cause.probability))
 
 
-def _smallest_bic(candidates: Candidates) -> list[str]:
+def _smallest_bic(examined: Examined) -> list[str]:
     """Name what the smallest Bayesian information criterion picks among single effects."""
-    evidence = candidates.evidence
-    used = evidence.used
+    bench = examined.found.bench
+    used, grid = bench.evidence.used, bench.evidence.grid
     n = int(np.count_nonzero(used))
-    best: tuple[float, Ids] = (np.inf, ())
-    for (ids, level), fit in candidates.angles.items():
-        if len(ids) > 1 or level != candidates.loose:
+    best: tuple[float, tuple[str, ...]] = (np.inf, ())
+    for ids, fitted in examined.found.fits.items():
+        if len(ids) > 1:
             continue
-        missed = (evidence.grid.angle_deg - fit.explained_deg)[used]
-        square = float(np.average(missed**2, weights=evidence.grid.counts[used]))
-        score = n * np.log(square) + np.log(n) * (fit.searched.size)
+        missed = (grid.angle_deg - fitted.shared_deg)[used]
+        square = float(np.average(missed**2, weights=grid.counts[used]))
+        score = n * np.log(square) + np.log(n) * fitted.z.size
         if score < best[0]:
             best = (score, ids)
     return list(best[1])
 
 
 def _traces(
-    evidence: Evidence, held: HeldOut, curves: Mapping[str, Floats], final: Explanation | None
+    examined: Examined, curves: Mapping[str, Floats], final: Explanation | None
 ) -> Traces:
-    grid = evidence.grid
+    everything = examined.everything
+    grid = everything.grid
     command = np.full(grid.angle_deg.size, np.nan)
     if grid.command_kpa is not None:
         command = grid.step_means(grid.command_kpa)[grid.sample_step]
-    fixture = evidence.fixture
+    fixture = everything.fixture
     empty = np.zeros(0)
     explained = empty
     if fixture is not None:
@@ -494,7 +461,7 @@ def _traces(
         refit_deg=curves["refit"],
         pressure_kpa=grid.measured_kpa,
         drive_kpa=drive,
-        held_out=held.trials,
+        held_out=examined.held.trials,
         fixture_angle_deg=empty if fixture is None else fixture.known_deg,
         fixture_deg=empty if fixture is None else fixture.deviation_deg,
         fixture_explained_deg=explained,

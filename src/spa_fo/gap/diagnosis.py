@@ -35,14 +35,18 @@ class Gap:
 
 @dataclass(frozen=True)
 class Where:
-    """Shares of the explainable squared gap, by bin; `stage` sums to 1 where there is a gap."""
+    """Shares of the explainable squared gap, by bin; `stage` sums to 1 where there is a gap.
 
-    stage: Mapping[str, float]
+    Where the data cannot tell it, `stage` is None and `not_known` says why.
+    """
+
+    stage: Mapping[str, float] | None
     phase: Mapping[str, float]
     amplitude: Mapping[str, float]
     direction: Mapping[str, float]
     trial: Mapping[str, float]
     frequency: Mapping[str, float]
+    not_known: str | None = None
 
 
 @dataclass(frozen=True)
@@ -222,7 +226,11 @@ class Diagnosis:
             "provenance": self.provenance,
             "excluded": list(self.excluded),
             "gap": vars(self.gap),
-            "where": {name: dict(shares) for name, shares in vars(self.where).items()},
+            "where": {
+                name: dict(shares) if isinstance(shares, Mapping) else shares
+                for name, shares in vars(self.where).items()
+            },
+            "laws": [],
             "causes": [
                 {
                     "set": list(cause.set),

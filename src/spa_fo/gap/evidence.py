@@ -24,12 +24,7 @@ Integers = NDArray[np.int64]
 _LONGEST_LEVEL = 4  # of a step: 0.32 s resolves what is slow, and a diagnosis takes many runs
 _BINNING_DEG = 0.03  # error of averaging a curve over a step
 _TIMING_S = 0.003  # error of one sample's time
-_DISCREPANCY_SPACING = 9  # averaged samples from one support of the discrepancy to the next
-_LONGEST_SPACING_S = 3.0
-_MOST_SUPPORTS = 220
 _CURVE_FLOOR_DEG, _BARE_CURVE_DEG = 0.08, 0.25
-_FORM_ERROR = 0.04  # part of an effect that a right but foreign form misses
-_NEIGHBOURS = 7  # averaged samples
 _WINDOWS = 4  # of a calibration dwell
 FILM_SLOTS = np.r_[
     LIBRARY["sensor_hysteresis"].slots,
@@ -66,6 +61,10 @@ class Fixture:
         The fixture's angle.
     log_starts : (logs + 1,) array
         First step of each calibration; the time the sensor lies flat after it belongs to it.
+    dwell : (rows,) array
+        Which dwell each window is of, all calibrations counted through.
+    drifted : (m, dwells) array
+        What an error of each dwell's known angle makes of the later calibrations' drift.
     """
 
     deviation_deg: Floats
@@ -79,6 +78,24 @@ class Fixture:
     log: Integers
     known_deg: Floats
     log_starts: Integers
+    dwell: Integers
+    drifted: Floats
+
+    @property
+    def of_dwell(self) -> Floats:
+        """Which dwell each row is of, (rows, dwells)."""
+        return np.eye(int(self.dwell.max()) + 1)[self.dwell]
+
+    def misread(self, angle_deg: Floats) -> Floats:
+        """Give what an error of each dwell's known angle makes of readings, (n, dwells)."""
+        out = np.zeros((angle_deg.size, int(self.dwell.max()) + 1))
+        first = self.log == 0
+        angles = np.unique(self.known_deg[first])
+        hats = np.array([np.interp(angle_deg, angles, row) for row in np.eye(angles.size)]).T
+        for j, angle in enumerate(angles):
+            at = np.unique(self.dwell[first & (self.known_deg == angle)])
+            out[:, at] = -hats[:, j : j + 1] / at.size
+        return out
 
     def simulate(self, effects: Floats, film_turned: float = 0.0) -> tuple[Floats, Seat]:
         """Simulate what the sensor's effects make of the fixture.
@@ -147,12 +164,8 @@ class Evidence:
         White noise of one sample's angle.
     variance : (n,) array
         Of each averaged sample, deg².
-    support : list of (n_i, d) arrays
-        By trial, the discrepancy's hats; trials of one experiment share their coefficients.
-    support_index : list of arrays
-        By trial, the numbers of these coefficients.
-    supports : int
-        How many there are.
+    alike : (trials,) array
+        Number of the first trial of the same experiment and command.
     curve_sigma_deg : (knots,) array
         Error of the calibrated curve at `CURVE_KNOTS_DEG`.
     bare_curve_sigma_deg : (knots,) array
@@ -171,10 +184,6 @@ class Evidence:
         By trial, its averaged samples.
     takes_part : (trials,) bool array
         Trials that explanations are chosen and fitted by; the others are held out.
-    tolerance_deg, tolerance_kpa : float
-        Typical discrepancy of a right explanation.
-    pressure_variance : (n,) array or None
-        What is added to the noise of each averaged pressure for the same reason, kPa².
     """
 
     data: CampaignData
@@ -182,9 +191,7 @@ class Evidence:
     experiment: Integers
     noise_deg: float
     variance: Floats
-    support: list[Floats]
-    support_index: list[Integers]
-    supports: int
+    alike: Integers
     curve_sigma_deg: Floats
     bare_curve_sigma_deg: Floats
     fixture: Fixture | None
@@ -195,9 +202,6 @@ class Evidence:
     pressure_noise_kpa: float
     rows: list[Integers] = field(default_factory=list)
     takes_part: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, dtype=bool))
-    tolerance_deg: float = 0.06
-    tolerance_kpa: float = 0.08
-    pressure_variance: Floats | None = None
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -208,53 +212,6 @@ class Evidence:
     def has_pressure(self) -> bool:
         """Whether the pressure was measured in every trial."""
         return self.grid.measured_kpa is not None and self.grid.command_kpa is not None
-
-
-def tolerant(evidence: Evidence, gap_deg: Floats, gap_kpa: Floats | None) -> Evidence:
-    """Allow every explanation to miss a small part of what there is to explain.
-
-    No form of the library is quite the true one. Without this the largest gaps would be explained
-    with the greatest confidence, by whatever form bends best.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The campaign.
-    gap_deg : (n,) array
-        What the plain model misses at each averaged sample.
-    gap_kpa : (n,) array or None
-        What the command misses of the pressure.
-    """
-    local = _local(evidence, gap_deg)
-    fixture = evidence.fixture
-    if fixture is not None:
-        missed = _FORM_ERROR * 2.0 * np.abs(fixture.deviation_deg)
-        fixture = replace(fixture, sigma_deg=np.hypot(fixture.sigma_deg, missed))
-    rms = float(np.sqrt(np.mean(gap_deg[evidence.used] ** 2)))
-    changed = replace(
-        evidence,
-        variance=evidence.variance + (_FORM_ERROR * local) ** 2,
-        tolerance_deg=float(np.hypot(evidence.tolerance_deg, _FORM_ERROR * rms)),
-        fixture=fixture,
-    )
-    if gap_kpa is None:
-        return changed
-    rms = float(np.sqrt(np.mean(gap_kpa**2)))
-    return replace(
-        changed,
-        tolerance_kpa=float(np.hypot(evidence.tolerance_kpa, _FORM_ERROR * rms)),
-        pressure_variance=(_FORM_ERROR * _local(evidence, gap_kpa)) ** 2,
-    )
-
-
-def _local(evidence: Evidence, gap: Floats) -> Floats:
-    """Size of a gap about each averaged sample."""
-    kernel = np.ones(_NEIGHBOURS) / _NEIGHBOURS
-    local = np.empty_like(gap)
-    for rows in evidence.rows:
-        padded = np.pad(gap[rows] ** 2, _NEIGHBOURS // 2, mode="edge")
-        local[rows] = np.sqrt(np.convolve(padded, kernel, mode="valid"))
-    return local
 
 
 def collect(data: CampaignData) -> Evidence:
@@ -269,7 +226,6 @@ def collect(data: CampaignData) -> Evidence:
             [trial.pressure_kpa for trial in grid.trials if trial.pressure_kpa is not None]
         )
     rows = [np.flatnonzero(grid.sample_trial == i) for i in range(len(grid.trials))]
-    support, support_index, supports = _supports(grid, experiment, rows)
     drift, sigma, angles, after = _drifts(data, grid)
     return Evidence(
         data=data,
@@ -277,12 +233,12 @@ def collect(data: CampaignData) -> Evidence:
         experiment=experiment,
         noise_deg=noise,
         variance=noise**2 / grid.counts + _BINNING_DEG**2 + (_TIMING_S * _rates(grid, rows)) ** 2,
-        support=support,
-        support_index=support_index,
-        supports=supports,
+        alike=_run_alike(grid, experiment),
         curve_sigma_deg=_curve_sigma(data.calibration),
         bare_curve_sigma_deg=_curve_sigma(data.calibration, bare=True),
-        fixture=_fixture(data.calibrations, grid.trials[0].started_s),
+        fixture=_fixture(
+            data.calibrations, grid.trials[0].started_s, [d.angles_deg for d in data.drifts]
+        ),
         drift_deg=drift,
         drift_sigma_deg=sigma,
         drift_angle_deg=angles,
@@ -314,33 +270,14 @@ def _rates(grid: CampaignGrid, rows: list[Integers]) -> Floats:
     return rates
 
 
-def _supports(
-    grid: CampaignGrid, experiment: Integers, rows: list[Integers], coarser: float = 1.0
-) -> tuple[list[Floats], list[Integers], int]:
-    """Lay hats over the averaged samples of each trial, shared within an experiment.
-
-    Trials of one experiment whose commands do not run alike have hats of their own. Long logs get
-    wider ones: the cost of a fit goes with the third power of their number.
-    """
-    hats: list[Floats] = []
-    index: list[Integers] = []
-    first_of: dict[int, tuple[int, Floats, Floats]] = {}
-    total = 0
-    for i, own in enumerate(rows):
-        time = grid.time_s[own]
-        group = int(experiment[i])
-        shared = first_of.get(group)
-        if shared is None or not _alike(shared[2], _drive(grid, i)):
-            knots = _knots(time, coarser)
-            shared = (total, knots, _drive(grid, i))
-            first_of.setdefault(group, shared)
-            total += knots.size
-        first, knots, _ = shared
-        hats.append(np.array([np.interp(time, knots, row) for row in np.eye(knots.size)]).T)
-        index.append(first + np.arange(knots.size))
-    if total > _MOST_SUPPORTS and coarser == 1.0:
-        return _supports(grid, experiment, rows, total / _MOST_SUPPORTS)
-    return hats, index, total
+def _run_alike(grid: CampaignGrid, experiment: Integers) -> Integers:
+    """Number the trials by experiment, and by command where it is not the first one's."""
+    number = np.empty(experiment.size, dtype=np.int64)
+    first_of: dict[int, int] = {}
+    for i, group in enumerate(experiment.tolist()):
+        first = first_of.setdefault(group, i)
+        number[i] = first if _alike(_drive(grid, first), _drive(grid, i)) else i
+    return number
 
 
 def _drive(grid: CampaignGrid, trial: int) -> Floats:
@@ -355,20 +292,6 @@ def _alike(one: Floats, other: Floats) -> bool:
         return False
     size = max(float(np.abs(one).max()), 1e-9)
     return float(np.mean(np.abs(one[:n] - other[:n]))) < 0.03 * size
-
-
-def _knots(time: Floats, coarser: float) -> Floats:
-    samples, seconds = coarser * _DISCREPANCY_SPACING, coarser * _LONGEST_SPACING_S
-    knots = [time[0]]
-    since = 0
-    for value in time[1:]:
-        since += 1
-        if since >= samples or value - knots[-1] > seconds:
-            knots.append(value)
-            since = 0
-    if time[-1] > knots[-1]:
-        knots.append(time[-1])
-    return np.array(knots)
 
 
 def curve_columns(angle_deg: Floats) -> Floats:
@@ -419,7 +342,26 @@ def _drifts(data: CampaignData, grid: CampaignGrid) -> tuple[Floats, Floats, Flo
     return drift, np.hypot(sigma, 0.1), angle, after
 
 
-def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | None:
+def _drifted(
+    dwell: Integers, log: Integers, known: Floats, drift_angles: Sequence[Floats]
+) -> Floats:
+    """Give what an error of each dwell's known angle makes of the later calibrations' drift."""
+    total = int(dwell.max()) + 1
+    rows = []
+    for number, angles in enumerate(drift_angles, start=1):
+        for angle in angles:
+            row = np.zeros(total)
+            for sign, which in ((1.0, number), (-1.0, 0)):
+                here = (log == which) & (np.abs(known - angle) < 1e-6)
+                at = np.unique(dwell[here])
+                row[at] += sign / max(at.size, 1)
+            rows.append(row)
+    return np.array(rows).reshape(-1, total)
+
+
+def _fixture(
+    calibrations: Sequence[Calibration], starts_s: float, drift_angles: Sequence[Floats] = ()
+) -> Fixture | None:
     """Lay every calibration's dwells on a common time line, the curve being the first one's."""
     if not calibrations:
         return None
@@ -428,6 +370,8 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
     angle: list[Floats] = []
     level: list[Integers] = []
     windows, deviation, sigma, groups, settled, times, lengths = [], [], [], [], [], [], []
+    dwells: list[int] = []
+    counted = -1
     at, log_starts = 0, [0]
     for number, calibration in enumerate(calibrations):
         before, start = 0.0, at
@@ -439,6 +383,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
             angle.append(np.full(stay, dwell.angle_deg))
             slope = float(curve.angle_deg(dwell.mean + 0.5) - curve.angle_deg(dwell.mean - 0.5))
             edges = np.linspace(0.0, float(dwell.t_s[-1]) + 1e-9, _WINDOWS + 1)
+            counted += 1
             for w in range(_WINDOWS):
                 inside = (dwell.t_s >= edges[w]) & (dwell.t_s < edges[w + 1])
                 count = int(np.count_nonzero(inside))
@@ -451,6 +396,7 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
                 first = at + move + round(edges[w] / step)
                 windows.append((first, max(first + 1, at + move + round(edges[w + 1] / step))))
                 groups.append((number, dwell.angle_deg))
+                dwells.append(counted)
                 times.append(dwell.started_s + 0.5 * float(edges[w] + edges[w + 1]))
                 lengths.append(float(edges[w + 1] - edges[w]))
                 settled.append(w >= _WINDOWS // 2)
@@ -474,6 +420,9 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
         for i in members:
             average[i, still] -= 1.0 / len(still)
     centred = average @ np.array(deviation)
+    members = np.array(dwells)
+    log = np.array([number for number, _ in groups])
+    known = np.array([angle for _, angle in groups])
     return Fixture(
         deviation_deg=centred,
         sigma_deg=np.array(sigma),
@@ -483,9 +432,11 @@ def _fixture(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | 
         average=average,
         time_s=np.array(times),
         window_s=np.array(lengths),
-        log=np.array([number for number, _ in groups]),
-        known_deg=np.array([known for _, known in groups]),
+        log=log,
+        known_deg=known,
         log_starts=np.array(log_starts),
+        dwell=members,
+        drifted=_drifted(members, log, known, drift_angles),
     )
 
 

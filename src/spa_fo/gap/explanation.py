@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.candidates import Candidates, Ids, ordered
+from spa_fo.gap.decide import Scored
 from spa_fo.gap.drive import DriveFit
 from spa_fo.gap.evidence import Evidence, angle_chain
-from spa_fo.gap.explain import PICKUP, Fit
-from spa_fo.plant import Model, TransferFunction
+from spa_fo.gap.search import Fitted
+from spa_fo.plant import PARAMETERS, Model, TransferFunction
 from spa_fo.plant.chain import Seat
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 
 Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
 
 _CARRIED = ("provenance", "sampling")  # keys of the plain model that hold of the augmented one too
 
@@ -29,104 +30,86 @@ class Explanation:
     ----------
     ids : tuple of str
         All its effects, in the library's order; empty for none.
-    fit : Fit
+    angle : Fitted
         Of the angle.
     drive : DriveFit or None
-        Of the pressure; None where it was not measured.
-    pickup : tuple of float or None
+        Of the pressure; None where the drive has no part of its own.
+    line : (float, float) or None
         Frequency (Hz) and amplitude (deg) of an interference.
-    log_evidence : float
-        Of angle and pressure together.
     """
 
     ids: Ids
-    fit: Fit
+    angle: Fitted
     drive: DriveFit | None
-    pickup: tuple[float, float] | None
-    log_evidence: float
+    line: tuple[float, float] | None
+
+    @property
+    def x(self) -> Floats:
+        """Coefficients alpha2, alpha1, a1, a0, b0."""
+        return self.angle.x
 
     def effects(self) -> Floats:
         """Parameters of all effects that a simulation needs, NaN where absent."""
-        e = self.fit.effects.copy()
+        e = self.angle.effects.copy()
         if self.drive is not None:
             for name in self.drive.ids:
                 e[LIBRARY[name].slots] = self.drive.effects[LIBRARY[name].slots]
-        if "sensor_nonlinearity" in self.ids:
-            e[LIBRARY["sensor_nonlinearity"].slots] = self.fit.curve_deg
+        curve = at_port("curve", self.ids)
+        if curve:
+            e[LIBRARY[curve].slots] = self.angle.curve_deg
         return e
 
     def parameters(self, given: Floats, orders: NDArray[np.int64]) -> dict[str, dict[str, Any]]:
-        """Parameters of each effect by name, as model files hold them."""
+        """Parameters of each effect by name, as model files hold them, within their bounds."""
         e = self.effects()
-        result: dict[str, dict[str, Any]] = {}
-        for name in self.ids:
-            effect = LIBRARY[name]
-            # What the mixed model fits as columns and variances knows no bounds.
-            result[name] = {
-                p.name: float(np.clip(v, p.low, p.high))
-                for p, v in zip(effect.parameters, e[effect.slots], strict=True)
+        values = {name: e[LIBRARY[name].slots].tolist() for name in self.ids}
+        zeros = at_port("zeros", self.ids)
+        if zeros:
+            by_trial = self.angle.zeros_deg
+            walk = float(np.polyfit(orders, by_trial, 1)[0]) if orders.size > 1 else 0.0
+            values[zeros] = [walk, float(by_trial[0])]
+        line = at_port("line", self.ids)
+        if line and self.line is not None:
+            values[line] = [self.line[1], self.line[0]]
+        found: dict[str, dict[str, Any]] = {
+            name: {
+                p.name: float(np.clip(value, p.low, p.high))
+                for p, value in zip(LIBRARY[name].parameters, own, strict=True)
             }
-        if "parameter_shift" in result:
-            names = ("alpha2", "alpha1", "a1", "a0", "b0")
-            ratio = self.fit.x / given
-            result["parameter_shift"] = dict(zip(names, ratio.tolist(), strict=True))
-        if "sensor_slip" in result:
-            zeros = self.fit.zeros_deg
-            walk = float(np.polyfit(orders, zeros, 1)[0]) if orders.size > 1 else 0.0
-            slip = LIBRARY["sensor_slip"].parameters
-            values = zip(slip, (walk, float(zeros[0])), strict=True)
-            result["sensor_slip"] = {p.name: min(max(v, p.low), p.high) for p, v in values}
-        if "mains_pickup" in result and self.pickup is not None:
-            result["mains_pickup"] = {
-                "amplitude_deg": min(self.pickup[1], LIBRARY["mains_pickup"].parameters[0].high),
-                "frequency_hz": self.pickup[0],
-            }
-        return result
+            for name, own in values.items()
+        }
+        shift = at_port("coefficients", self.ids)
+        if shift:
+            found[shift] = dict(zip(PARAMETERS, (self.x / given).tolist(), strict=True))
+        return found
 
 
-def combined(candidates: Candidates) -> list[Explanation]:
-    """Put every fit of the drive together with every fit of the angle.
-
-    With the given model's coefficients held, the angle's own effects; with them free, a shift of
-    the parameters beside them, unless the model was fitted to this very campaign.
-    """
-    drives: list[DriveFit | None] = list(candidates.drives.values()) or [None]
-    result: dict[Ids, Explanation] = {}
-    for drive in drives:
-        for (ids, level), fit in candidates.angles.items():
-            if candidates.own and level != "own":
-                continue
-            names = set(ids) | set(drive.ids if drive is not None else ())
-            if level in ("shifted", "free") and not candidates.own:
-                if "parameter_shift" in candidates.excluded:
-                    continue
-                names.add("parameter_shift")
-            evidence = fit.log_evidence + (drive.log_evidence if drive is not None else 0.0)
-            pickup = None
-            if "mains_pickup" in ids and candidates.slow is not None:
-                amplitude = float(np.sqrt(2.0 * fit.solution.variances[PICKUP]))
-                pickup = (candidates.slow.frequency_hz, amplitude)
-                evidence -= candidates.slow.search_price
-            whole = Explanation(ordered(tuple(names)), fit, drive, pickup, evidence)
-            for each in (whole, _with_fast_line(whole, candidates)):
-                if each is not None:
-                    known = result.get(each.ids)
-                    if known is None or each.log_evidence > known.log_evidence:
-                        result[each.ids] = each
-    return list(result.values())
-
-
-def _with_fast_line(whole: Explanation, candidates: Candidates) -> Explanation | None:
-    """Add interference above 3 Hz, which the averaged angles do not show."""
-    fast = candidates.fast
-    if fast.fast_gain <= 0.0 or "mains_pickup" in (*whole.ids, *candidates.excluded):
-        return None
-    return replace(
-        whole,
-        ids=ordered((*whole.ids, "mains_pickup")),
-        pickup=(fast.frequency_hz, fast.amplitude_deg),
-        log_evidence=whole.log_evidence + fast.fast_gain,
+def angle_part(named: Ids, drive: DriveFit | None, fast: bool) -> Ids:
+    """Say which effects of a set the angle's fit holds; the others stand in drive and log."""
+    line = at_port("line", named) if fast else None
+    return tuple(
+        n for n in named if n != line and not (drive is not None and LIBRARY[n].stage == "drive")
     )
+
+
+def explanation_of(scored: Scored, angle: Fitted, drive: DriveFit | None) -> Explanation:
+    """Put an explanation together from its fits.
+
+    Parameters
+    ----------
+    scored : Scored
+        What the explanation is.
+    angle : Fitted
+        The fit of its effects beyond the drive.
+    drive : DriveFit or None
+        The fit of its drive effects, or None.
+    """
+    line = None
+    if scored.fast is not None:
+        line = scored.fast.frequency_hz, scored.fast.amplitude_deg
+    elif angle.line is not None:
+        line = angle.line
+    return Explanation(ordered(scored.named), angle, drive, line)
 
 
 def simulate(
@@ -148,15 +131,24 @@ def simulate(
     e = explanation.effects()
     for name in without:
         e[LIBRARY[name].slots] = np.nan
-    x = explanation.fit.x if given is None else given
-    slip = "sensor_slip" in explanation.ids and "sensor_slip" not in without
-    e[LIBRARY["sensor_slip"].slots] = np.nan
-    e[LIBRARY["mains_pickup"].slots] = np.nan
+    x = explanation.x if given is None else given
+    zeros = at_port("zeros", explanation.ids)
+    e = _deterministic(e)
     chain = angle_chain(evidence, x, None)
     angle, _ = chain.seated(seat_of(evidence, e)).run(x, e)
-    if slip:
-        angle = angle + explanation.fit.zeros_deg[evidence.grid.sample_trial]
+    if zeros and zeros not in without:
+        angle = angle + explanation.angle.zeros_deg[evidence.grid.sample_trial]
     return angle
+
+
+def _deterministic(effects: Floats) -> Floats:
+    """Leave out what a simulation does not know: zeros of trials, and random phases."""
+    e = effects.copy()
+    for port in ("zeros", "line"):
+        name = at_port(port)
+        if name is not None:
+            e[LIBRARY[name].slots] = np.nan
+    return e
 
 
 def seat_of(evidence: Evidence, effects: Floats) -> Seat:
@@ -179,8 +171,8 @@ def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) 
             "stage": LIBRARY[name].stage,
             "parameters": parameters[name],
         }
-        if name == "sensor_slip":
-            zeros = explanation.fit.zeros_deg.tolist()
+        if LIBRARY[name].port == "zeros":
+            zeros = explanation.angle.zeros_deg.tolist()
             effect["zeros_deg"] = {str(o): z for o, z in zip(orders.tolist(), zeros, strict=True)}
         effects.append(effect)
     seat = seat_of(evidence, explanation.effects())
@@ -191,7 +183,7 @@ def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) 
     return Model(
         campaign=evidence.data.campaign.name,
         material=plain.material,
-        transfer_function=TransferFunction.from_array(explanation.fit.x),
+        transfer_function=TransferFunction.from_array(explanation.x),
         reference_kpa=plain.reference_kpa,
         signal=plain.signal,
         effects=tuple(effects),

@@ -7,11 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.candidates import Candidates
+from spa_fo.gap.decide import Verdict
+from spa_fo.gap.drive import Drive
 from spa_fo.gap.evidence import Evidence
 from spa_fo.gap.hold_out import HeldOut, judged
-from spa_fo.gap.unknown import Stress
-from spa_fo.gap.verdict import Verdict
 from spa_fo.plant.effects.library import LIBRARY
 
 Floats = NDArray[np.float64]
@@ -54,7 +53,7 @@ def lacking(evidence: Evidence) -> tuple[str, ...]:
     protocols = {trial.protocol for trial in trials}
     orders = [trial.experiment for trial in trials]
     blocks = sum(a != b for a, b in pairwise(orders)) + 1
-    repeated = np.unique([index[0] for index in evidence.support_index]).size < len(trials)
+    repeated = np.unique(evidence.alike).size < len(trials)
     absent = {
         "pressure": evidence.grid.measured_kpa is None,
         "command": evidence.grid.measured_kpa is not None and not evidence.has_pressure,
@@ -74,15 +73,15 @@ def misses(evidence: Evidence) -> tuple[str, ...]:
     return tuple(MISSING[name] for name in lacking(evidence))
 
 
-def drive_finding(candidates: Candidates, everything: Evidence, held: HeldOut) -> tuple[str, ...]:
+def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> tuple[str, ...]:
     """Say what the measured pressure tells of the drive, whatever the angle says."""
-    fit = candidates.drive
-    if fit is None or not fit.ids:
+    if drive is None or not drive.best.ids:
         return ()
+    fit = drive.best
     where = judged(everything, held)
     before, after = (
         float(np.sqrt(np.mean(each.residual_kpa[where] ** 2)))
-        for each in (candidates.drives[()], fit)
+        for each in (drive.fits[()], fit)
     )
     if after > _PRESSURE_EXPLAINED * before:
         return ()
@@ -103,44 +102,37 @@ def _values(name: str, values: Floats) -> list[str]:
     ]
 
 
-def findings(stress: Stress, own: bool, verdict: Verdict) -> tuple[str, ...]:
+def findings(verdict: Verdict, own: bool, repeats: bool, floor_deg: float) -> tuple[str, ...]:
     """Say how sure the answer is.
 
     Parameters
     ----------
-    stress : Stress
-        What the best explanation leaves.
-    own : bool
-        Whether the model was fitted to this campaign.
     verdict : Verdict
         The answer.
+    own : bool
+        Whether the model was fitted to this campaign.
+    repeats : bool
+        Whether any experiment was run more than once.
+    floor_deg : float
+        The noise floor.
     """
     found = []
-    kind, loud = stress.largest
-    names = {
-        "angle": "the angle repeats from trial to trial",
-        "fixture": "the calibration's dwells show",
-        "pressure": "the measured pressure shows",
-        "drift": "the later calibration shows",
-        "trials": "the trials' own gain or rest angle shows, going with their order",
-    }
-    if verdict.kind == "unknown" and not any(s.named for s in verdict.scored):
+    named = [s for s in verdict.scored if s.named]
+    if verdict.kind == "unknown" and not verdict.sets:
         found.append("No explanation of the library holds on the trials that took no part.")
-    elif verdict.kind == "unknown" and loud > 1.0:
+    elif verdict.kind != "no_gap" and named:
+        left = named[0].left_deg
         found.append(
-            f"The best explanation leaves what {names[kind]}: {loud:.1f} times as much as a right "
-            "one would."
+            f"The best explanation leaves structure of {left:.2g}° that repeats, "
+            f"{left / max(floor_deg, 1e-9):.2g} noise floors."
         )
-    elif verdict.kind == "unknown":
+    if verdict.kind == "unknown":
+        where = "the drive" if verdict.unknown_drive > 0.5 else "actuator, sensor or log"
+        found.append(f"What is not explained is sought in {where}.")
+    if not repeats:
         found.append(
-            "The best explanation leaves no more than a right one would, but only with "
-            "compensating terms that a right one does not need: coefficients moved, discrepancies, "
-            "further small effects."
-        )
-    elif verdict.kind != "no_gap":
-        found.append(
-            f"What the best explanation leaves is {loud:.2f} of what would speak for an unknown "
-            f"cause (loudest where {names[kind]} it)."
+            "No experiment was repeated: coloured noise cannot be told from structure, and the "
+            "noise floor is what the noise model gives."
         )
     if own:
         found.append(

@@ -90,7 +90,7 @@ def repeats(evidence: Evidence, values: Floats, which: NDArray[np.bool_]) -> lis
     grid = evidence.grid
     groups: dict[int, list[int]] = {}
     for trial in np.flatnonzero(which).tolist():
-        groups.setdefault(int(evidence.support_index[trial][0]), []).append(trial)
+        groups.setdefault(int(evidence.alike[trial]), []).append(trial)
     found = []
     for trials in groups.values():
         # The longest trial says when: a board's reset may have cut others.

@@ -18,21 +18,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from spa_fo.gap.evidence import Evidence, Fixture, curve_columns
-from spa_fo.gap.explain import (
-    COEFFICIENT_SPREAD,
-    GAIN,
-    LN_GAIN,
-    OFFSET,
-    PACE,
-    SCALES,
-    TIMING_S,
-    Slot,
-    paced,
-    to_x,
-    to_z,
-)
+from spa_fo.gap.bench_noise import TYPICAL
 from spa_fo.gap.profiles import Profile
 from spa_fo.gap.rivals import Rival
+from spa_fo.gap.searched import HIGHEST, LN_GAIN, LOWEST, Slot, paced, to_x, to_z
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Memory, Seat, chain_for
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
@@ -48,6 +38,8 @@ _ASSUMED_TAP_KPA = 0.5
 _ROUNDS = 8
 _CONVERGED = 0.05  # of a least-squares sum in noise floors
 _SLOPE_STEP = 1e-4
+_SPREAD = np.array([0.12, 0.12, 0.35, 0.3, 0.25])  # of another specimen's searched coefficients
+_TOLERANCE_KPA = 0.08  # what no form of a drive is trusted for
 _PACE_STEP = 2e-3
 
 
@@ -87,7 +79,7 @@ def bench_of(evidence: Evidence, floor_deg: float) -> Bench:
         grid=evidence.grid,
         reference_kpa=evidence.data.campaign.reference_kpa,
         floor_deg=floor_deg,
-        floor_kpa=float(np.hypot(noise_kpa, evidence.tolerance_kpa))
+        floor_kpa=float(np.hypot(noise_kpa, _TOLERANCE_KPA))
         if evidence.has_pressure
         else _ASSUMED_TAP_KPA,
         tapped=evidence.has_pressure,
@@ -230,12 +222,12 @@ class _Form:
         ]
         searched = [slot.searched(rival.effects[slot.place]) for slot in self.slots]
         self.z = np.concatenate([to_z(rival.x), searched])
-        self.low = np.array([0.05, 0.02, -8.0, -8.0, -8.0, *(s.limits[0] for s in self.slots)])
-        self.high = np.array([1.995, 1.98, 8.0, 8.0, 8.0, *(s.limits[1] for s in self.slots)])
+        self.low = np.array([*LOWEST, *(s.limits[0] for s in self.slots)])
+        self.high = np.array([*HIGHEST, *(s.limits[1] for s in self.slots)])
         spread = [slot.parameter.spread for slot in self.slots]
-        self.spread = np.concatenate([COEFFICIENT_SPREAD["free"], spread])
+        self.spread = np.concatenate([_SPREAD, spread])
         self.seat = Seat() if bench.fixture is None else bench.fixture.simulate(rival.effects)[1]
-        nuisances = np.append(TIMING_S, bench.curve_sigma_deg)
+        nuisances = np.append(SETTINGS.angle_late_s, bench.curve_sigma_deg)
         self.precision = 1.0 / np.square(np.append(self.spread, nuisances))
 
     def effects(self, z: Floats) -> Floats:
@@ -323,7 +315,7 @@ class _View:
             np.column_stack([slopes, -grid.slopes(y), curve_columns(y)]),
             np.asarray(self.seconds / (_PIECE_S * floor_deg**2)),
             np.column_stack([slopes[:, LN_GAIN], np.ones(y.size), pace])
-            * SCALES[[GAIN, OFFSET, PACE]],
+            * np.array([TYPICAL.gain, TYPICAL.rest_deg, TYPICAL.time_scale]),
             trials,
         )
 

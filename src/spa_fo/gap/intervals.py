@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.drive import DriveFit
-from spa_fo.gap.explain import IN_COVARIANCE, Fit
 from spa_fo.gap.explanation import Explanation
-from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, at_port
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -42,21 +40,20 @@ def with_intervals(
     """
     absolute: Errors = {}
     relative: Errors = {}
-    fit = explanation.fit
-    covariance = fit.solution.covariance()
-    _of_slots(fit, np.sqrt(np.diag(covariance))[5:], absolute, relative)
+    angle = explanation.angle
+    sigma = np.sqrt(np.diag(angle.covariance))
+    _of_slots(angle.ids, sigma[5:], absolute, relative)
     if explanation.drive is not None:
-        sigma = np.sqrt(np.diag(explanation.drive.solution.covariance()))
-        _of_slots(explanation.drive, sigma, absolute, relative)
-    _of_shift(given, covariance, absolute, relative)
-    _of_curve(fit, covariance, absolute)
-    if "sensor_slip" in explanation.ids:
-        _of_slip(fit, covariance, orders, absolute)
-    if "mains_pickup" in fit.ids:
-        amplitude = np.sqrt(np.sum(fit.waves_deg[: orders.size] ** 2, axis=1))
-        amplitude = amplitude[amplitude > 0.0]  # a trial that took no part has none
-        error = float(np.std(amplitude) / np.sqrt(max(amplitude.size, 1)))
-        absolute[("mains_pickup", "amplitude_deg")] = error
+        _of_slots(explanation.drive.ids, explanation.drive.sigma, absolute, relative)
+    shift, curve = at_port("coefficients", explanation.ids), at_port("curve", explanation.ids)
+    if shift:
+        _of_shift(shift, given, angle.covariance, absolute, relative)
+    if curve:
+        for parameter, error in zip(LIBRARY[curve].parameters, angle.curve_sigma_deg, strict=True):
+            absolute[(curve, parameter.name)] = float(error)
+    zeros = at_port("zeros", explanation.ids)
+    if zeros:
+        _of_zeros(zeros, angle.zeros_deg, orders, absolute)
     return {
         name: {
             key: {"value": value, "ci95": _interval(value, (name, key), absolute, relative)}
@@ -76,11 +73,11 @@ def _interval(
     return None
 
 
-def _of_slots(fit: Fit | DriveFit, sigma: Floats, absolute: Errors, relative: Errors) -> None:
+def _of_slots(ids: tuple[str, ...], sigma: Floats, absolute: Errors, relative: Errors) -> None:
     """Errors of what was searched; `sigma` begins with the first effect's first parameter."""
     at = 0
-    for name in fit.ids:
-        if name in IN_COVARIANCE:
+    for name in ids:
+        if LIBRARY[name].port != "chain":
             continue
         for parameter in LIBRARY[name].parameters:
             errors = relative if parameter.log else absolute
@@ -88,32 +85,26 @@ def _of_slots(fit: Fit | DriveFit, sigma: Floats, absolute: Errors, relative: Er
             at += 1
 
 
-def _of_shift(given: Floats, covariance: Floats, absolute: Errors, relative: Errors) -> None:
+def _of_shift(
+    name: str, given: Floats, covariance: Floats, absolute: Errors, relative: Errors
+) -> None:
     """Errors of the coefficients' ratios: searched were the orders, ln a1, ln a0 and ln b0/a0."""
     sigma = np.sqrt(np.diag(covariance)[:5])
-    absolute[("parameter_shift", "alpha2")] = float(sigma[0] / given[0])
-    absolute[("parameter_shift", "alpha1")] = float(sigma[1] / given[1])
-    relative[("parameter_shift", "a1")] = float(sigma[2])
-    relative[("parameter_shift", "a0")] = float(sigma[3])
-    relative[("parameter_shift", "b0")] = float(np.sqrt(covariance[3:5, 3:5].sum()))
+    absolute[(name, "alpha2")] = float(sigma[0] / given[0])
+    absolute[(name, "alpha1")] = float(sigma[1] / given[1])
+    relative[(name, "a1")] = float(sigma[2])
+    relative[(name, "a0")] = float(sigma[3])
+    relative[(name, "b0")] = float(np.sqrt(covariance[3:5, 3:5].sum()))
 
 
-def _of_curve(fit: Fit, covariance: Floats, absolute: Errors) -> None:
-    knots = [parameter.name for parameter in LIBRARY["sensor_nonlinearity"].parameters]
-    first = fit.searched.size
-    sigma = np.sqrt(np.diag(covariance)[first : first + len(CURVE_KNOTS_DEG) - 1])
-    for name, error in zip(knots, sigma.tolist(), strict=True):
-        absolute[("sensor_nonlinearity", name)] = error
-
-
-def _of_slip(fit: Fit, covariance: Floats, orders: Integers, absolute: Errors) -> None:
-    """Errors of the zeros' line, the zeros being sums of steps and a walk."""
-    walk = fit.searched.size + fit.curve_deg.size + 1
-    columns = np.arange(walk, walk + 1 + orders.size)
-    zeros = np.column_stack([orders - 1.0, np.tril(np.ones((orders.size, orders.size)))])
-    spread = zeros @ covariance[np.ix_(columns, columns)] @ zeros.T
-    absolute[("sensor_slip", "zero_deg")] = float(np.sqrt(spread[0, 0]))
-    if orders.size > 1:
-        centred = orders - orders.mean()
-        line = centred / float(centred @ centred)
-        absolute[("sensor_slip", "walk_deg")] = float(np.sqrt(line @ spread @ line))
+def _of_zeros(name: str, zeros: Floats, orders: Integers, absolute: Errors) -> None:
+    """Errors of the line through the trials' zeros, by what they scatter about it."""
+    if orders.size < 3:
+        return
+    centred = orders - orders.mean()
+    square = float(centred @ centred)
+    left = zeros - zeros.mean() - centred * float(centred @ zeros) / square
+    scatter = float(np.sqrt(left @ left / (orders.size - 2)))
+    walk, zero = LIBRARY[name].parameters
+    absolute[(name, walk.name)] = scatter / float(np.sqrt(square))
+    absolute[(name, zero.name)] = scatter

@@ -21,16 +21,17 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 
+from spa_fo.gap.settings import SETTINGS
+
 Floats = NDArray[np.float64]
 
 CORRELATION_S = 0.06 * 4.0 ** np.arange(5)
 """Correlation times of the coloured parts: 0.06 s, a filter's, to 15 s, slow air's."""
 
-TYPICAL_DEG = 0.05
-"""Prior median of each part's standard deviation, deg; assumed, half-way (in logarithms) of what
-benches show."""
-PRIOR_SPREAD = np.log(4.0)
-"""Prior spread of the logarithm of a standard deviation; assumed."""
+TYPICAL_DEG = SETTINGS.coloured_deg
+"""Prior median of each part's standard deviation, deg."""
+PRIOR_SPREAD = np.log(SETTINGS.coloured_factor)
+"""Prior spread of the logarithm of a standard deviation."""
 WHITE_SPREAD = np.log(1.5)
 """The same of the white part about what differences of neighbouring samples say."""
 

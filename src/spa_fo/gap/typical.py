@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from spa_fo.fractional import step_response
-from spa_fo.gap.explain import paced
+from spa_fo.gap.searched import paced
 from spa_fo.plant.paper import TABLE_I
 
 Floats = NDArray[np.float64]

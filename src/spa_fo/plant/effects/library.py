@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Stage = Literal["drive", "actuator", "sensor", "acquisition"]
 STAGES: tuple[Stage, ...] = ("drive", "actuator", "sensor", "acquisition")
+Port = Literal["chain", "coefficients", "curve", "zeros", "line"]
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,17 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect of the library and where its parameters stand in the vector of all."""
+    """One effect of the library and where its parameters stand in the vector of all.
+
+    `port` says how an identification meets it: as parameters of the simulated chain, as other
+    coefficients, as an error of the sensor's curve, as a zero of every trial, or as a spectral line.
+    """
 
     id: str
     stage: Stage
     parameters: tuple[Parameter, ...]
     first: int
+    port: Port = "chain"
 
     @property
     def slots(self) -> slice:
@@ -253,10 +259,18 @@ _FORMS: tuple[tuple[str, Stage, tuple[Parameter, ...]], ...] = (
 )
 
 
+_PORTS: Mapping[str, Port] = {
+    "parameter_shift": "coefficients",
+    "sensor_nonlinearity": "curve",
+    "sensor_slip": "zeros",
+    "mains_pickup": "line",
+}
+
+
 def _numbered() -> dict[str, Effect]:
     effects, first = {}, 0
     for name, stage, parameters in _FORMS:
-        effects[name] = Effect(name, stage, parameters, first)
+        effects[name] = Effect(name, stage, parameters, first, _PORTS.get(name, "chain"))
         first += len(parameters)
     return effects
 
@@ -265,6 +279,16 @@ LIBRARY: Mapping[str, Effect] = _numbered()
 IDS = tuple(LIBRARY)
 SIZE = sum(len(effect.parameters) for effect in LIBRARY.values())
 """Length of the vector that holds the parameters of all effects."""
+
+
+def ordered(ids: Sequence[str]) -> tuple[str, ...]:
+    """Put effects in the library's order, each once."""
+    return tuple(sorted(set(ids), key=IDS.index))
+
+
+def at_port(port: Port, ids: Sequence[str] = IDS) -> str | None:
+    """Return the effect among `ids` that is met at a port; None where there is none."""
+    return next((name for name in ids if LIBRARY[name].port == port), None)
 
 
 def absent() -> Floats:

@@ -1,0 +1,360 @@
+"""From fitted explanations to probabilities, and from these to an answer, or to none.
+
+An explanation is right where it leaves a small share of the gap, and stands in for something else
+where it leaves more. With L(s) the evidence where it misses a share s,
+
+    right:    prior · max_s L(s)^T e^{-s/s_r},      unknown:  prior · odds · Σ_s L(s)^T / n,
+
+the first over all shares, those too small to matter counting as none; the second over those that
+matter. No gap is the plain model, or what repeats being too small to matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from spa_fo.gap.bench import SHARES
+from spa_fo.gap.drive import Drive, DriveFit
+from spa_fo.gap.evidence import Evidence, modelled_pressure
+from spa_fo.gap.interference import Line
+from spa_fo.gap.search import Explanations, Fitted, price
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import IDS, LIBRARY, at_port, ordered
+
+Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
+Kind = Literal["no_gap", "cause", "ambiguous", "unknown"]
+
+_SHARES = np.array(SHARES)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """An explanation of drive and angle together.
+
+    Attributes
+    ----------
+    named : tuple of str
+        Its effects that count.
+    probability : float
+        Of all that is considered, `unknown` among it.
+    angle : Fitted
+        Its fit of the angle, with effects too small to be named.
+    drive : DriveFit or None
+        Its fit of the pressure.
+    fast : Line or None
+        An interference that only single samples show.
+    moved_deg : dict
+        RMS by which each named effect moves the angle.
+    left_deg : float
+        What repeats and is not explained, RMS.
+    """
+
+    named: Ids
+    probability: float
+    angle: Fitted
+    drive: DriveFit | None
+    fast: Line | None
+    moved_deg: Mapping[str, float]
+    left_deg: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer.
+
+    Attributes
+    ----------
+    kind : {"no_gap", "cause", "ambiguous", "unknown"}
+        What sort of answer.
+    sets : tuple of tuples of str
+        Explanations that stand; with `unknown`, the part that is explained.
+    scored : tuple of Scored
+        Every explanation that came near, most probable first; none among them.
+    unknown, none : float
+        Probabilities that the library lacks the cause, and that there is no gap.
+    unknown_drive : float
+        Probability that what is unknown is the drive's.
+    """
+
+    kind: Kind
+    sets: tuple[Ids, ...]
+    scored: tuple[Scored, ...]
+    unknown: float
+    none: float
+    unknown_drive: float
+
+    def of(self, named: Ids) -> Scored:
+        """Return the explanation of these effects."""
+        return next(s for s in self.scored if s.named == named)
+
+
+def log_prior(ids: Ids) -> float:
+    """Logarithm of a set's probability beforehand: small sets first."""
+    s, n = SETTINGS, len(IDS)
+    if not ids:
+        return float(np.log(s.none))
+    if len(ids) == 1:
+        return float(np.log(s.single / n))
+    pairs = n * (n - 1) / 2
+    further = (len(ids) - 2) * np.log(s.pair / (s.single * n))
+    beside = np.log(s.shift_beside) if at_port("coefficients", ids) else 0.0
+    return float(np.log(s.pair / pairs) + further + beside)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What the angle, or the pressure, says of one explanation."""
+
+    named: Ids
+    right: float
+    unknown: Floats
+    fit: Fitted | DriveFit
+    moved_deg: Mapping[str, float]
+    left_deg: float
+
+
+def _weighed(ids: Ids, logs: Floats, gap_deg: float, floor_deg: float) -> tuple[float, Floats]:
+    """Weigh an explanation as right, and as standing in for something else, by share."""
+    s = SETTINGS
+    small = _SHARES * gap_deg < s.left * floor_deg
+    penalty = np.where(small, 0.0, _SHARES / s.right_share)
+    right = float(np.max(s.temper * logs - penalty)) + log_prior(ids)
+    unknown = s.temper * logs + log_prior(ids) + np.log(s.unknown / _SHARES.size)
+    return right, np.where(small, -np.inf, unknown)
+
+
+def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
+    s, gap_deg = SETTINGS, found.bench.gap_deg
+    weight = found.bench.evidence.grid.counts
+    parts = []
+
+    def apart(one: Fitted, other: Ids) -> float:
+        if other not in found.fits or at_port("line", one.ids) != at_port("line", other):
+            return float("inf")
+        change = one.shared_deg - found.fits[other].shared_deg
+        return float(np.sqrt(np.average(change**2, weights=weight)))
+
+    for ids, f in found.fits.items():
+        if not np.isfinite(f.logs).all():
+            continue
+        named = _that_move(f.moved_deg, floor_deg)
+        if len(ids) > 1:
+            least = max(s.needed * floor_deg, s.needed_of_all * min(apart(f, ()), 1e6))
+            named = tuple(n for n in named if apart(f, tuple(m for m in ids if m != n)) >= least)
+        if ids and not named:
+            continue  # what it is worth is worth as much without it
+        logs = f.logs - price(f)
+        right, unknown = _weighed(ids, logs, gap_deg, floor_deg)
+        left = float(_SHARES[int(np.argmax(logs))]) * gap_deg
+        moved = {n: f.moved_deg[n] for n in named}
+        parts.append(_Part(named, right, unknown, f, moved, left))
+    return parts
+
+
+def _of_drive(
+    drive: Drive | None, evidence: Evidence, per_kpa_deg: float, floor_deg: float
+) -> list[_Part]:
+    if drive is None:
+        return []
+    gap_deg = per_kpa_deg * drive.gap_kpa
+    s, parts = SETTINGS, []
+
+    def apart(one: DriveFit, other: Floats) -> float:
+        return per_kpa_deg * float(np.sqrt(np.mean((one.predicted_kpa - other) ** 2)))
+
+    for ids, f in drive.fits.items():
+        moved = {}
+        for name in ids:
+            less = f.effects.copy()
+            less[LIBRARY[name].slots] = np.nan
+            cells = modelled_pressure(evidence, less)
+            grid = evidence.grid
+            moved[name] = apart(f, grid.step_means(cells)[grid.sample_step])
+        named = _that_move(moved, floor_deg)
+        if len(ids) > 1:
+            least = max(s.needed * floor_deg, s.needed_of_all * gap_deg)
+            others = {n: tuple(m for m in ids if m != n) for n in ids}
+            named = tuple(
+                n for n in named if apart(f, drive.fits[others[n]].predicted_kpa) >= least
+            )
+        if ids and not named:
+            continue
+        right, unknown = _weighed(ids, f.evidence, gap_deg, floor_deg)
+        left = float(_SHARES[int(np.argmax(f.evidence))]) * gap_deg
+        parts.append(_Part(named, right, unknown, f, {n: moved[n] for n in named}, left))
+    return parts
+
+
+def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
+    s = SETTINGS
+    least = max(s.moves * floor_deg, s.moves_of_largest * max(moved.values(), default=0.0))
+    return tuple(n for n in moved if moved[n] >= least)
+
+
+def _normalised(
+    parts: Sequence[_Part], gap_deg: float, floor_deg: float
+) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
+    """Probabilities of what is named, the best part of each, and the probability of `unknown`."""
+    if not parts:
+        return {(): 1.0}, {}, 0.0
+    negligible = _SHARES * gap_deg < SETTINGS.no_gap * floor_deg
+    scores: dict[Ids, float] = {}
+    best: dict[Ids, _Part] = {}
+    unknown = []
+    for part in parts:
+        right, stands_in = part.right, part.unknown
+        if not part.named:
+            # What repeats may be too small to be a gap.
+            right = float(logsumexp([right, *stands_in[negligible]]))
+            stands_in = np.where(negligible, -np.inf, stands_in)
+        if part.named not in best or part.right > best[part.named].right:
+            best[part.named] = part
+        scores[part.named] = float(np.logaddexp(scores.get(part.named, -np.inf), right))
+        unknown.append(float(logsumexp(stands_in)))
+    all_logs = np.array([*scores.values(), logsumexp(unknown)])
+    weights = np.exp(all_logs - all_logs.max())
+    weights /= weights.sum()
+    return dict(zip(scores, weights.tolist(), strict=False)), best, float(weights[-1])
+
+
+def decide(
+    found: Explanations,
+    drive: Drive | None,
+    fast: Line,
+    evidence: Evidence,
+    per_kpa_deg: float,
+    floor_deg: float,
+) -> Verdict:
+    """Decide.
+
+    Parameters
+    ----------
+    found : Explanations
+        Fits of the angle.
+    drive : Drive or None
+        What the measured pressure says.
+    fast : Line
+        An interference that only single samples show.
+    evidence : Evidence
+        The campaign.
+    per_kpa_deg : float
+        Static gain of the given model.
+    floor_deg : float
+        The noise floor.
+    """
+    angle, of_angle, unknown_angle = _normalised(
+        _of_angle(found, floor_deg), found.bench.gap_deg, floor_deg
+    )
+    gap_deg = 0.0 if drive is None else per_kpa_deg * drive.gap_kpa
+    parts = _of_drive(drive, evidence, per_kpa_deg, floor_deg)
+    if gap_deg < SETTINGS.moves * floor_deg:
+        parts = [p for p in parts if not p.named]
+        parts = [_Part((), p.right, np.full(_SHARES.size, -np.inf), *_rest(p)) for p in parts]
+    pressed, of_drive, unknown_drive = _normalised(parts, gap_deg, floor_deg)
+    lined = _of_line(fast, found, floor_deg)
+    certain = (1.0 - unknown_angle) * (1.0 - unknown_drive)
+    joint: dict[Ids, float] = {}
+    made: dict[Ids, tuple[float, Scored]] = {}
+    total = sum(angle.values()) * sum(pressed.values())
+    for a, x in angle.items():
+        for d, y in pressed.items():
+            for line, z in lined.items():
+                named = ordered((*a, *d, *line))
+                p = certain * x * y * z / total
+                joint[named] = joint.get(named, 0.0) + p
+                if named not in made or p > made[named][0]:
+                    one = _scored(named, of_angle[a], of_drive.get(d), fast if line else None)
+                    made[named] = p, one
+    scored = sorted(
+        (
+            Scored(**{**vars(one), "probability": joint[named]})
+            for named, (_, one) in made.items()
+        ),
+        key=lambda s: -s.probability,
+    )
+    unknown = 1.0 - certain
+    share = unknown_drive / max(unknown_drive + unknown_angle, 1e-12)
+    return judge(scored, unknown, share)
+
+
+def _rest(part: _Part) -> tuple[Fitted | DriveFit, Mapping[str, float], float]:
+    return part.fit, part.moved_deg, part.left_deg
+
+
+def _scored(named: Ids, angle: _Part, drive: _Part | None, fast: Line | None) -> Scored:
+    moved = {**angle.moved_deg, **({} if drive is None else drive.moved_deg)}
+    if fast is not None:
+        line = at_port("line")
+        assert line is not None
+        moved[line] = fast.amplitude_deg / float(np.sqrt(2.0))
+    assert isinstance(angle.fit, Fitted)
+    pressure = None
+    if drive is not None:
+        assert isinstance(drive.fit, DriveFit)
+        pressure = drive.fit
+    left = angle.left_deg if drive is None else float(np.hypot(angle.left_deg, drive.left_deg))
+    return Scored(named, 0.0, angle.fit, pressure, fast, moved, left)
+
+
+def _of_line(fast: Line, found: Explanations, floor_deg: float) -> dict[Ids, float]:
+    """Probabilities that a fast interference is there, and that it is not."""
+    rms = fast.amplitude_deg / float(np.sqrt(2.0))
+    # The floor holds the interference too.
+    quiet = float(np.sqrt(max(floor_deg**2 - rms**2, (0.1 * floor_deg) ** 2)))
+    name = at_port("line")
+    if name is None or fast.gain <= 0.0 or rms < SETTINGS.moves * quiet:
+        return {(): 1.0}
+    log_odds = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
+    there = float(1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))))
+    return {(): 1.0 - there, (name,): there}
+
+
+def judge(scored: Sequence[Scored], unknown: float, unknown_drive: float) -> Verdict:
+    """Turn probabilities into an answer.
+
+    Parameters
+    ----------
+    scored : sequence of Scored
+        All explanations, most probable first.
+    unknown : float
+        Probability that none of them is the cause.
+    unknown_drive : float
+        Share of it that is the drive's.
+    """
+    s = SETTINGS
+    named = [one for one in scored if one.named]
+    none = sum(one.probability for one in scored if not one.named)
+    total = sum(one.probability for one in named)
+    everything = tuple(scored)
+    if none >= total + unknown:
+        return Verdict("no_gap", (), everything, unknown, none, unknown_drive)
+    standing: list[Ids] = []
+    held = 0.0
+    for one in named:
+        if standing and (held >= s.covered * total or one.probability < s.least * total):
+            break
+        standing.append(one.named)
+        held += one.probability
+    kind: Kind = "cause" if len(standing) == 1 else "ambiguous"
+    if unknown > total:
+        kind, standing = "unknown", standing[:1]
+    return Verdict(kind, tuple(standing), everything, unknown, none, unknown_drive)
+
+
+def stage_shares(verdict: Verdict) -> dict[str, float]:
+    """Share of the explained squared gap by stage, over all explanations by probability."""
+    shares = {"drive": 0.0, "actuator": 0.0, "sensor": 0.0, "acquisition": 0.0}
+    for one in verdict.scored:
+        squares = {name: size**2 for name, size in one.moved_deg.items()}
+        total = max(sum(squares.values()), 1e-30)
+        for name, square in squares.items():
+            shares[LIBRARY[name].stage] += one.probability * square / total
+    total = sum(shares.values())
+    return {stage: share / total if total > 0.0 else 0.0 for stage, share in shares.items()}

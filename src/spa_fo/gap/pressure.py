@@ -1,0 +1,129 @@
+"""The measured pressure and one explanation of it by drive effects.
+
+Where the pressure was measured the chain splits: what the drive does to the command is seen in the
+pressure alone, whatever the actuator makes of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.evidence import Evidence, modelled_pressure
+from spa_fo.gap.least_squares import Explained
+from spa_fo.gap.searched import Slot
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.gap.whitening import Factor, Whitening
+from spa_fo.plant.effects.library import LIBRARY, absent
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_BLUR_CELLS = 3
+
+
+def blur(evidence: Evidence) -> Floats:
+    """Change of command and pressure about each averaged sample, (n,), kPa."""
+    grid = evidence.grid
+    at = grid.first_cell[grid.sample_step] + grid.cells[grid.sample_step] // 2
+    total = np.zeros(at.size)
+    for cells in (grid.pressure_kpa, grid.command_kpa):
+        assert cells is not None
+        after = np.minimum(at + _BLUR_CELLS, cells.size - 1)
+        before = np.maximum(at - _BLUR_CELLS, 0)
+        total += np.abs(cells[after] - cells[before])
+    return total
+
+
+def resolution(evidence: Evidence) -> float:
+    """Smallest step of the measured pressure, kPa."""
+    values = np.concatenate(
+        [t.pressure_kpa for t in evidence.grid.trials if t.pressure_kpa is not None]
+    )
+    steps = np.diff(np.unique(np.round(values, 6)))
+    return float(np.quantile(steps, 0.1)) if steps.size else 0.0
+
+
+class PressureProblem(Explained):
+    """The pressure of a campaign and an explanation of it.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The campaign.
+    whitening : Whitening
+        Of the rows of the trials that take part.
+    ids : sequence of str
+        Drive effects.
+    """
+
+    def __init__(self, evidence: Evidence, whitening: Whitening, ids: Sequence[str]) -> None:
+        self.evidence, self.whitening = evidence, whitening
+        self.rows = whitening.rows
+        self.ids = tuple(ids)
+        slots = [
+            Slot(parameter, LIBRARY[name].first + k)
+            for name in ids
+            for k, parameter in enumerate(LIBRARY[name].parameters)
+        ]
+        none = np.zeros(0)
+        super().__init__(slots, none, np.zeros((0, 0)), none, none, np.ones(1))
+        self.group = np.full(3, -1)
+        self.variance = np.square(
+            [SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain, SETTINGS.pressure_late_s]
+        )
+        self._known: dict[bytes, Floats] = {}
+
+    def effects(self, z: Floats) -> Floats:
+        """Parameters of all effects."""
+        e = absent()
+        for slot, value in zip(self.slots, z, strict=True):
+            e[slot.place] = slot.value(float(value))
+        return e
+
+    def cells(self, z: Floats) -> Floats:
+        """Pressure on the grid's cells, kPa."""
+        return modelled_pressure(self.evidence, self.effects(z))
+
+    def predict(self, z: Floats) -> Floats:
+        """Pressure at the grid's samples, kPa."""
+        key = z.tobytes()
+        if key not in self._known:
+            if len(self._known) > 64:
+                self._known.clear()
+            grid = self.evidence.grid
+            self._known[key] = grid.step_means(self.cells(z))[grid.sample_step]
+        return self._known[key]
+
+    def left(self, z: Floats) -> Floats:
+        measured = self.evidence.grid.measured_kpa
+        assert measured is not None
+        return self.rows.merged(measured - self.predict(z))
+
+    def slopes(self, z: Floats) -> Floats:
+        y = self.predict(z)
+        columns = np.zeros((y.size, self.parameters))
+        for k in range(self.parameters):
+            step, moved = self.slope_step(z, k), z.copy()
+            moved[k] += step
+            columns[:, k] = (self.predict(moved) - y) / step
+        return self.rows.merged(columns)
+
+    def columns(self, z: Floats) -> Floats:
+        y = self.predict(z)
+        late = np.clip(-self.evidence.grid.slopes(y), -20.0, 20.0)
+        return self.rows.merged(np.column_stack([np.ones(y.size), y, late]))
+
+    def white(self, factor: Factor, values: Floats) -> Floats:
+        return self.whitening.white(factor, values)
+
+
+def starts(problem: PressureProblem, delays: Sequence[float]) -> list[Floats]:
+    """List starting points: each effect's own; a delay from many."""
+    points = [np.zeros(0)]
+    for slot in problem.slots:
+        every = delays if slot.parameter.name == "delay_s" else slot.parameter.starts
+        points = [np.append(point, slot.searched(v)) for point in points for v in every]
+    return points

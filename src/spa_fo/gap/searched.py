@@ -1,0 +1,84 @@
+"""Coefficients and parameters as they are searched, and what nuisances look like."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.plant.effects.library import LIBRARY, Parameter
+
+Floats = NDArray[np.float64]
+
+LN_GAIN = 4
+"""Place of the static gain's logarithm among the searched coefficients."""
+LOWEST = np.array([0.05, 0.02, -8.0, -8.0, -8.0])
+HIGHEST = np.array([1.995, 1.98, 8.0, 8.0, 8.0])
+"""Bounds of the searched coefficients."""
+
+ANGLE_SLOTS = np.concatenate(
+    [
+        np.arange(effect.slots.start, effect.slots.stop)
+        for effect in LIBRARY.values()
+        if effect.stage in ("drive", "actuator")
+    ]
+)
+"""Parameters that the true angle depends on."""
+
+def to_z(x: Floats) -> Floats:
+    """Take coefficients to the space they are searched in: orders, ln a1, ln a0, ln K."""
+    return np.array([x[0], x[1], np.log(x[2]), np.log(x[3]), np.log(x[4] / x[3])])
+
+
+def to_x(z: Floats) -> Floats:
+    """Take searched coefficients back."""
+    a0 = np.exp(z[3])
+    return np.array([z[0], z[1], np.exp(z[2]), a0, a0 * np.exp(z[4])])
+
+
+def paced(x: Floats, pace: float) -> Floats:
+    """Give the coefficients of an actuator that runs `pace` times as fast."""
+    fast = pace ** x[0]
+    return np.array([x[0], x[1], x[2] * pace ** (x[0] - x[1]), x[3] * fast, x[4] * fast])
+
+
+def wave(hz: float, time_s: Floats) -> Floats:
+    """Cosine and sine, (n, 2)."""
+    phase = 2.0 * np.pi * hz * time_s
+    return np.column_stack([np.cos(phase), np.sin(phase)])
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One searched parameter of an effect and its place in the vector of all."""
+
+    parameter: Parameter
+    place: int
+
+    def value(self, z: float) -> float:
+        """Value of the searched number."""
+        return float(np.exp(z)) if self.parameter.log else z
+
+    def searched(self, value: float) -> float:
+        """Give the searched number of a value."""
+        return float(np.log(value)) if self.parameter.log else value
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Bounds of the searched number."""
+        return self.searched(self.parameter.low), self.searched(self.parameter.high)
+
+    @property
+    def centre(self) -> float:
+        """Prior mean of the searched number."""
+        return self.searched(self.parameter.centre)
+
+
+def keep_apart(z: Floats) -> Floats:
+    """Keep alpha1 below alpha2."""
+    if z[1] < z[0] - 1e-3:
+        return z
+    z = z.copy()
+    z[1] = z[0] - 1e-3
+    return z

@@ -1,0 +1,125 @@
+"""Every number that a verdict depends on: its unit, where it comes from, and why.
+
+An origin is one of
+
+derived
+    follows from something else, by the reason given;
+learned
+    from opened cases of the rig that is for learning, in drawn surroundings, never from those that
+    judge;
+measured
+    on real actuators or on this machine;
+assumed
+    set by hand: a debt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+Origin = Literal["derived", "learned", "measured", "assumed"]
+
+
+def _number(value: float, unit: str, origin: Origin, reason: str) -> Any:
+    return field(default=value, metadata={"unit": unit, "origin": origin, "reason": reason})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The numbers; their meaning stands in each field's metadata."""
+
+    # --- noise -----------------------------------------------------------------------------------
+    coloured_deg: float = _number(
+        0.05, "deg", "assumed", "prior median of each coloured part: half-way between quiet benches"
+    )
+    coloured_factor: float = _number(
+        4.0, "1", "assumed", "prior spread of it, as a factor: from quiet to rough benches"
+    )
+    gain_scatter: float = _number(0.01, "1", "assumed", "an ordinary bench, before it is seen")
+    rest_scatter_deg: float = _number(0.2, "deg", "assumed", "an ordinary bench, before it is seen")
+    time_scatter: float = _number(0.01, "1", "assumed", "an ordinary bench, before it is seen")
+    dwell_error_deg: float = _number(0.15, "deg", "assumed", "a fixture made with care")
+    level_alone: float = _number(
+        1.0, "nat", "assumed", "spread of ln(noise level) where nothing is repeated"
+    )
+    level_repeated: float = _number(
+        0.5, "nat", "learned", "the same with one repeat; falls with the root of their number"
+    )
+    # --- the given model -------------------------------------------------------------------------
+    response_error: float = _number(
+        0.005, "1", "assumed", "error of the given model's step response, of its final value"
+    )
+    model_trials: float = _number(
+        4.0, "trials", "assumed", "that the given model's gain and time scale are a mean of"
+    )
+    own_orders: float = _number(
+        0.3, "1", "assumed", "spread of the orders about a usual actuator's where nothing is known"
+    )
+    own_logs: float = _number(1.0, "nat", "assumed", "the same of ln a1 and ln a0")
+    own_gain: float = _number(0.4, "nat", "assumed", "the same of the static gain's logarithm")
+    shift_orders: float = _number(0.05, "1", "assumed", "what another specimen differs by: orders")
+    shift_logs: float = _number(0.2, "nat", "assumed", "the same of ln a1 and ln a0")
+    shift_gain: float = _number(0.12, "nat", "assumed", "the same of the static gain's logarithm")
+    # --- the pressure ----------------------------------------------------------------------------
+    pressure_offset_kpa: float = _number(0.4, "kPa", "assumed", "zero of a pressure sensor")
+    pressure_gain: float = _number(0.004, "1", "assumed", "gain error of a pressure sensor")
+    pressure_late_s: float = _number(0.01, "s", "assumed", "lateness of a pressure channel")
+    angle_late_s: float = _number(0.006, "s", "assumed", "part of a sample that a row is late by")
+    # --- what a form misses ----------------------------------------------------------------------
+    search_share: float = _number(
+        0.05, "of the gap", "learned", "what right but foreign forms miss, while they are fitted"
+    )
+    right_share: float = _number(
+        0.08, "of the gap", "learned", "scale of the share that a right form leaves, exponential"
+    )
+    # --- beforehand ------------------------------------------------------------------------------
+    temper: float = _number(
+        0.3, "1", "learned", "power of the evidence: forms are not quite true; 0.1 to 1 moves little"
+    )
+    none: float = _number(0.3, "probability", "assumed", "no gap, beforehand")
+    single: float = _number(0.5, "probability", "assumed", "one effect, beforehand")
+    pair: float = _number(0.2, "probability", "assumed", "two effects, beforehand")
+    unknown: float = _number(
+        0.3, "odds", "learned", "that a set stands in for something else, against that it is right"
+    )
+    shift_beside: float = _number(
+        0.02, "odds", "assumed", "a shift beside another effect: how wrong ones make up for it"
+    )
+    # --- what counts -----------------------------------------------------------------------------
+    moves: float = _number(
+        0.35, "noise floors", "assumed", "an effect that moves the angle by less is none"
+    )
+    moves_of_largest: float = _number(
+        0.12, "of the largest", "learned", "one that moves less may make up for that one's form"
+    )
+    needed: float = _number(
+        0.2, "noise floors", "learned", "a member without which the others do as well is none"
+    )
+    needed_of_all: float = _number(0.1, "of what the set moves", "learned", "the same")
+    left: float = _number(
+        0.15, "noise floors", "assumed", "structure that is left and smaller is no sign of anything"
+    )
+    no_gap: float = _number(
+        0.3, "noise floors", "assumed", "structure that repeats and is smaller is no gap"
+    )
+    line_nats: float = _number(5.0, "nat", "assumed", "an interference that is worth a fit")
+    # --- the answer ------------------------------------------------------------------------------
+    covered: float = _number(0.93, "probability", "learned", "that the sets named hold together")
+    least: float = _number(0.06, "probability", "learned", "below which a set is not listed")
+    closes: float = _number(
+        0.1, "of the gap", "assumed", "a set that closes less on held-out trials is no cause"
+    )
+    worth: float = _number(
+        0.3, "of the gap", "assumed", "a part beside an unknown cause that closes less is not named"
+    )
+
+    def listed(self) -> Iterator[tuple[str, float, str, str, str]]:
+        """Yield name, value, unit, origin and reason of each."""
+        for each in fields(self):
+            meta = each.metadata
+            yield each.name, getattr(self, each.name), meta["unit"], meta["origin"], meta["reason"]
+
+
+SETTINGS = Settings()
