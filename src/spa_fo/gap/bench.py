@@ -115,9 +115,7 @@ def rows_of(evidence: Evidence, fixed: Floats | None = None, most: int = _MOST_R
     )
 
 
-def bench_for(
-    evidence: Evidence, given: Floats, own: bool, pressure_kpa: Floats | None
-) -> Bench:
+def bench_for(evidence: Evidence, given: Floats, own: bool, pressure_kpa: Floats | None) -> Bench:
     """Make a campaign ready.
 
     Parameters
@@ -209,7 +207,7 @@ def known_response(given: Floats, noise: BenchNoise, horizon_s: float) -> tuple[
     scatter, trials = noise.scatter, SETTINGS.model_trials
     covariance += scatter.time_scale**2 / trials * np.outer(quicker, quicker)
     covariance[4, 4] += scatter.gain**2 / trials
-    return z, covariance
+    return z, np.asarray(covariance, dtype=np.float64)
 
 
 def plain_deg(bench: Bench) -> Floats:

@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.evidence import Evidence, angle_chain
-from spa_fo.gap.searched import paced
-from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.floor import Repeats, repeats
 from spa_fo.gap.noise import (
     CORRELATION_S,
@@ -25,6 +23,8 @@ from spa_fo.gap.noise import (
     estimate,
     scatter,
 )
+from spa_fo.gap.searched import paced
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import absent
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.rig import Calibration

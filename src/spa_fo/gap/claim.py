@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -188,6 +187,3 @@ def _scatter(
 def closes(claimed: Claim, named: Ids, least: float) -> bool:
     """Say whether a set closes enough of the gap on the held-out trials."""
     return by_chance(named) or claimed.closed.get(named, 0.0) >= least
-
-
-

@@ -3,10 +3,12 @@
 An explanation is right where it leaves a small share of the gap, and stands in for something else
 where it leaves more. With L(s) the evidence where it misses a share s,
 
-    right:    prior · max_s L(s)^T e^{-s/s_r},      unknown:  prior · odds · Σ_s L(s)^T / n,
+    right:    prior · max_s L(s)^T e^{-s/s_r} / Σ_s e^{-s/s_r},
+    unknown:  odds · one effect's prior · Σ_s L(s)^T / n,
 
 the first over all shares, those too small to matter counting as none; the second over those that
-matter. No gap is the plain model, or what repeats being too small to matter.
+matter: a set that stands in for one unknown effect is not judged by how many it holds. No gap is
+the plain model, or what repeats being too small to matter.
 """
 
 from __future__ import annotations
@@ -108,6 +110,9 @@ def log_prior(ids: Ids) -> float:
     return float(np.log(s.pair / pairs) + further + beside)
 
 
+_STANDS_IN = log_prior(IDS[:1])
+
+
 @dataclass(frozen=True)
 class _Part:
     """What the angle, or the pressure, says of one explanation."""
@@ -125,8 +130,9 @@ def _weighed(ids: Ids, logs: Floats, gap_deg: float, floor_deg: float) -> tuple[
     s = SETTINGS
     small = _SHARES * gap_deg < s.left * floor_deg
     penalty = np.where(small, 0.0, _SHARES / s.right_share)
-    right = float(np.max(s.temper * logs - penalty)) + log_prior(ids)
-    unknown = s.temper * logs + log_prior(ids) + np.log(s.unknown / _SHARES.size)
+    scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
+    right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
+    unknown = s.temper * logs + _STANDS_IN + np.log(s.unknown / _SHARES.size)
     return right, np.where(small, -np.inf, unknown)
 
 
@@ -153,6 +159,11 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         logs = f.logs - price(f)
         right, unknown = _weighed(ids, logs, gap_deg, floor_deg)
         left = float(_SHARES[int(np.argmax(logs))]) * gap_deg
+        if f.trend_deg > s.no_gap * floor_deg:
+            # What goes with the trials' order is structure that is left, too.
+            beside = s.temper * (float(logs.max()) + f.trend_nats) + _STANDS_IN
+            unknown = np.append(unknown, beside + np.log(s.unknown * s.trend))
+            left = float(np.hypot(left, f.trend_deg))
         moved = {n: f.moved_deg[n] for n in named}
         parts.append(_Part(named, right, unknown, f, moved, left))
     return parts
@@ -212,8 +223,9 @@ def _normalised(
         right, stands_in = part.right, part.unknown
         if not part.named:
             # What repeats may be too small to be a gap.
-            right = float(logsumexp([right, *stands_in[negligible]]))
-            stands_in = np.where(negligible, -np.inf, stands_in)
+            small = np.append(negligible, np.zeros(stands_in.size - negligible.size, dtype=bool))
+            right = float(logsumexp([right, *stands_in[small]]))
+            stands_in = np.where(small, -np.inf, stands_in)
         if part.named not in best or part.right > best[part.named].right:
             best[part.named] = part
         scores[part.named] = float(np.logaddexp(scores.get(part.named, -np.inf), right))
@@ -273,10 +285,7 @@ def decide(
                     one = _scored(named, of_angle[a], of_drive.get(d), fast if line else None)
                     made[named] = p, one
     scored = sorted(
-        (
-            Scored(**{**vars(one), "probability": joint[named]})
-            for named, (_, one) in made.items()
-        ),
+        (Scored(**{**vars(one), "probability": joint[named]}) for named, (_, one) in made.items()),
         key=lambda s: -s.probability,
     )
     unknown = 1.0 - certain

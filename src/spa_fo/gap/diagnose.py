@@ -220,7 +220,9 @@ def diagnose(
             *filter(None, [noise.sentence()]),
         ),
         baselines={"smallest_bic": _smallest_bic(examined), "commonest": [COMMONEST]},
-        traces=_traces(examined, curves if explained else {**curves, "explained": curves["plain"]}, final),
+        traces=_traces(
+            examined, curves if explained else {**curves, "explained": curves["plain"]}, final
+        ),
         model=model,
         next_steps=steps,
     )
@@ -431,9 +433,7 @@ def _smallest_bic(examined: Examined) -> list[str]:
     return list(best[1])
 
 
-def _traces(
-    examined: Examined, curves: Mapping[str, Floats], final: Explanation | None
-) -> Traces:
+def _traces(examined: Examined, curves: Mapping[str, Floats], final: Explanation | None) -> Traces:
     everything = examined.everything
     grid = everything.grid
     command = np.full(grid.angle_deg.size, np.nan)

@@ -15,7 +15,7 @@ from spa_fo.gap.noise import CORRELATION_S, Spectrum
 from spa_fo.gap.pressure import PressureProblem, blur, resolution, starts
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
-from spa_fo.gap.whitening import Whitening
+from spa_fo.gap.whitening import Rows, Whitening
 from spa_fo.plant.effects.library import LIBRARY, ordered
 
 Floats = NDArray[np.float64]
@@ -24,6 +24,7 @@ Ids = tuple[str, ...]
 _BINNING_KPA = 0.02  # error of averaging a pressure over a step
 _BLUR = 0.5  # of the change of pressure about a row: when exactly it changed is not known
 _ROOM = 2.0  # deviations of the pressure's noise within which the model is believed
+_SHARP = 4.0  # times a trial's median noise: rows beyond are about a jump
 _PAIRED = 4  # of the best single effects
 _ENOUGH, _MOST_TRIED = 0.01, 40  # of a search
 _BEST_STARTS = 2
@@ -112,9 +113,7 @@ def examine_drive(evidence: Evidence, excluded: Sequence[str], per_kpa_deg: floa
     rows = rows_of(evidence, fixed)
     spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
     bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
-    squares = bare.left(np.zeros(0)) ** 2
-    for group in rows.groups:
-        squares[group.rows] -= group.fixed + spectrum.white / group.count
+    squares = _beyond_noise(rows, spectrum.white, bare.left(np.zeros(0)))
     size = local_size(rows, squares)
     gap_kpa = float(np.sqrt(max(float(squares.mean()), 0.0)))
     whitening = Whitening(rows, spectrum, size)
@@ -144,6 +143,20 @@ def examine_drive(evidence: Evidence, excluded: Sequence[str], per_kpa_deg: floa
     measured = (grid.pressure_kpa - best.sensor[0]) / (1.0 + best.sensor[1])
     room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa
     return Drive(fits, gap_kpa, np.clip(best.cells_kpa, measured - room, measured + room))
+
+
+def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:
+    """Square what is left at each row, less its noise; rows about a jump as their neighbours."""
+    squares = left**2
+    for group in rows.groups:
+        noise = group.fixed + white / group.count
+        squares[group.rows] -= noise
+        for trial in np.unique(group.trial):
+            mine = np.flatnonzero(group.trial == trial)
+            sharp = mine[noise[mine] <= _SHARP * np.median(noise[mine])]
+            at = group.rows.start
+            squares[at + mine] = np.interp(mine, sharp, squares[at + sharp])
+    return squares
 
 
 def _fit(problem: PressureProblem, points: list[Floats]) -> DriveFit:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -271,7 +271,7 @@ def _rates(grid: CampaignGrid, rows: list[Integers]) -> Floats:
 
 
 def _run_alike(grid: CampaignGrid, experiment: Integers) -> Integers:
-    """Number the trials by experiment, and by command where it is not the first one's."""
+    """Give each trial the number of the first one of the same experiment and command."""
     number = np.empty(experiment.size, dtype=np.int64)
     first_of: dict[int, int] = {}
     for i, group in enumerate(experiment.tolist()):
@@ -370,7 +370,7 @@ def _fixture(
     angle: list[Floats] = []
     level: list[Integers] = []
     windows, deviation, sigma, groups, settled, times, lengths = [], [], [], [], [], [], []
-    dwells: list[int] = []
+    dwell_of: list[int] = []
     counted = -1
     at, log_starts = 0, [0]
     for number, calibration in enumerate(calibrations):
@@ -396,7 +396,7 @@ def _fixture(
                 first = at + move + round(edges[w] / step)
                 windows.append((first, max(first + 1, at + move + round(edges[w + 1] / step))))
                 groups.append((number, dwell.angle_deg))
-                dwells.append(counted)
+                dwell_of.append(counted)
                 times.append(dwell.started_s + 0.5 * float(edges[w] + edges[w + 1]))
                 lengths.append(float(edges[w + 1] - edges[w]))
                 settled.append(w >= _WINDOWS // 2)
@@ -420,7 +420,7 @@ def _fixture(
         for i in members:
             average[i, still] -= 1.0 / len(still)
     centred = average @ np.array(deviation)
-    members = np.array(dwells)
+    dwell_rows = np.array(dwell_of)
     log = np.array([number for number, _ in groups])
     known = np.array([angle for _, angle in groups])
     return Fixture(
@@ -435,8 +435,8 @@ def _fixture(
         log=log,
         known_deg=known,
         log_starts=np.array(log_starts),
-        dwell=members,
-        drifted=_drifted(members, log, known, drift_angles),
+        dwell=dwell_rows,
+        drifted=_drifted(dwell_rows, log, known, drift_angles),
     )
 
 

@@ -80,8 +80,7 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
     fit = drive.best
     where = judged(everything, held)
     before, after = (
-        float(np.sqrt(np.mean(each.residual_kpa[where] ** 2)))
-        for each in (drive.fits[()], fit)
+        float(np.sqrt(np.mean(each.residual_kpa[where] ** 2))) for each in (drive.fits[()], fit)
     )
     if after > _PRESSURE_EXPLAINED * before:
         return ()

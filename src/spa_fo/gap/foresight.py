@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from spa_fo.gap.evidence import Evidence, Fixture, curve_columns
 from spa_fo.gap.bench_noise import TYPICAL
+from spa_fo.gap.evidence import Evidence, Fixture, curve_columns
 from spa_fo.gap.profiles import Profile
 from spa_fo.gap.rivals import Rival
 from spa_fo.gap.searched import HIGHEST, LN_GAIN, LOWEST, Slot, paced, to_x, to_z

@@ -11,10 +11,8 @@ from spa_fo.gap.diagnosis import Shrink
 from spa_fo.gap.evidence import Evidence
 
 Floats = NDArray[np.float64]
-Trials = NDArray[np.bool_]
 
 _MOST = 0.3  # of the trials
-_MOST_FOLDS = 4
 _DRAWS = 2000
 _LEAST_HALF_WIDTH = 0.1  # the floor itself is known from few trials
 _HARDLY = 0.3  # noise floors
@@ -58,38 +56,6 @@ def hold_out(evidence: Evidence, rng: np.random.Generator) -> HeldOut:
         held[one] = True
         return HeldOut(held, f"{grid.trials[one].label}, the only one of its experiment")
     return HeldOut(held, "no trial was left to hold out: figures are of the fitted trials")
-
-
-def in_turn(evidence: Evidence, first: HeldOut, rng: np.random.Generator) -> list[Trials]:
-    """Part the trials that may be held out into folds, those of `first` being one.
-
-    The first trial of an experiment is in none: softening is seen in it.
-
-    Returns
-    -------
-    list of (trials,) bool arrays
-        True for those that take no part at a time.
-    """
-    experiments = [trial.experiment for trial in evidence.grid.trials]
-    left = [
-        [i for i, own in enumerate(experiments) if own == name and not first.trials[i]][1:]
-        for name in dict.fromkeys(experiments)
-    ]
-    count = min(_MOST_FOLDS - 1, max(map(len, left)))
-    folds = np.zeros((count, len(experiments)), dtype=bool)
-    for repeated in left:
-        for k, i in enumerate(rng.permutation(np.array(repeated, dtype=int))):
-            folds[k % count, i] = True
-    return [first.trials, *folds]
-
-
-def last_trials(evidence: Evidence) -> HeldOut:
-    """Leave out what came last: as many trials as are held out at most."""
-    orders = evidence.grid.orders
-    out = np.zeros(orders.size, dtype=bool)
-    out[np.argsort(orders)[orders.size - max(1, round(_MOST * orders.size)) :]] = True
-    last = f"the last {out.sum()}" if out.sum() > 1 else "the last"
-    return HeldOut(out, f"{last} of {out.size} trials")
 
 
 def judged(evidence: Evidence, held: HeldOut) -> NDArray[np.bool_]:

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.special import erfcx, log_ndtr
 
-from spa_fo.gap.searched import Slot
 from spa_fo.gap.fit import Minimum, Quadratic, free_of, minimise
 from spa_fo.gap.mixed import Normal, Prior, Solution, solve
+from spa_fo.gap.searched import Slot
 from spa_fo.gap.whitening import Factor
 
 Floats = NDArray[np.float64]
@@ -105,7 +105,7 @@ class Explained(ABC):
     def slope_step(self, z: Floats, k: int) -> float:
         """How far an effect's parameter is moved for a slope."""
         step = 0.01 * min(self.sd[k - self.free], 0.3 * max(abs(z[k]), 0.3))
-        return step if z[k] + step <= self.high[k] else -step
+        return float(step if z[k] + step <= self.high[k] else -step)
 
     # --- search ----------------------------------------------------------------------------------
 
@@ -236,7 +236,7 @@ class Explained(ABC):
         solution: Solution,
         free: Integers,
     ) -> float:
-        """What bounds change of the evidence: a prior cut there is larger inside."""
+        """Say what bounds change of the evidence: a prior cut there is larger inside."""
         if self.parameters == self.free:
             return 0.0
         total = 0.0
@@ -267,5 +267,3 @@ class Explained(ABC):
 
 def _between(low: float, high: float) -> float:
     return float(np.exp(log_ndtr(high)) - np.exp(log_ndtr(low)))
-
-

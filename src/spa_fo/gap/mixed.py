@@ -2,16 +2,14 @@
 
     r = J δ + Z b + ε,   δ ~ N(δ0, Π),   b ~ N(0, diag γ),   ε ~ N(0, diag R)
 
-The rows come in blocks (trials) and every column lives in few of them, so the normal matrix is
-assembled block by block. The variances γ have a weak prior and maximise the marginal likelihood,
+The variances γ have a weak prior and maximise the marginal likelihood,
 which integrates δ and b out; MacKay's fixed point (1992, doi:10.1162/neco.1992.4.3.415) reaches the
 maximum that EM (Laird and Ware 1982, doi:10.2307/2529876) creeps towards.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,26 +19,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _PRIOR_STRENGTH = 2.0  # degrees of freedom that a variance's prior is worth
-
-
-@dataclass(frozen=True)
-class Block:
-    """Rows that belong together, and the columns that are not zero in them.
-
-    Attributes
-    ----------
-    residual, weight : (n,) arrays
-        Measured less predicted, and 1/R.
-    columns : (n, q) array
-        The block's columns.
-    index : (q,) array
-        Where they stand among all columns.
-    """
-
-    residual: Floats
-    weight: Floats
-    columns: Floats
-    index: Integers
 
 
 @dataclass(frozen=True)
@@ -137,60 +115,6 @@ def _inverse_diagonal(factor: Floats) -> Floats:
     if status != 0:
         raise np.linalg.LinAlgError("a precision matrix is singular")
     return np.asarray(np.einsum("ij,ij->j", inverse, inverse))
-
-
-def normal_equations(blocks: list[Block], size: int) -> Normal:
-    """Add up HᵀR⁻¹H and HᵀR⁻¹r over the blocks."""
-    matrix, vector = np.zeros((size, size)), np.zeros(size)
-    square = log_noise = 0.0
-    rows = 0
-    for block in blocks:
-        root = np.sqrt(block.weight)
-        scaled = block.columns * root[:, None]
-        # With its own transpose: half the work.
-        matrix[block.index[:, None], block.index] += scaled.T @ scaled
-        vector[block.index] += (block.residual * root) @ scaled
-        square += float(block.weight @ block.residual**2)
-        log_noise += float(np.sum(np.log(2.0 * np.pi / block.weight)))
-        rows += block.residual.size
-    return Normal(matrix, vector, square, log_noise, rows)
-
-
-def bordered(
-    normal: Normal,
-    blocks: Sequence[Block],
-    columns: Sequence[Floats],
-    index: Sequence[Integers],
-    size: int,
-) -> Normal:
-    """Give the normal equations once the blocks have further columns.
-
-    Parameters
-    ----------
-    normal : Normal
-        Of the blocks as they are.
-    blocks : sequence of Block
-        All that it was added up from.
-    columns : sequence of (n, k) arrays
-        By block what it gets; k may be 0.
-    index : sequence of (k,) arrays
-        Where these stand among all columns. There `normal` has zeros, or nothing yet.
-    size : int
-        Number of all columns, at least that of `normal`.
-    """
-    known = normal.vector.size
-    matrix, vector = np.zeros((size, size)), np.zeros(size)
-    matrix[:known, :known], vector[:known] = normal.matrix, normal.vector
-    for block, more, at in zip(blocks, columns, index, strict=True):
-        if not at.size:
-            continue
-        weighted = more.T * block.weight
-        beside = weighted @ block.columns
-        matrix[at[:, None], block.index] += beside
-        matrix[block.index[:, None], at] += beside.T
-        matrix[at[:, None], at] += weighted @ more
-        vector[at] += weighted @ block.residual
-    return replace(normal, matrix=matrix, vector=vector)
 
 
 def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> Solution:

@@ -25,8 +25,8 @@ from spa_fo.gap.settings import SETTINGS
 
 Floats = NDArray[np.float64]
 
-CORRELATION_S = 0.06 * 4.0 ** np.arange(5)
-"""Correlation times of the coloured parts: 0.06 s, a filter's, to 15 s, slow air's."""
+CORRELATION_S = 0.06 * 4.0 ** np.arange(6)
+"""Correlation times of the coloured parts: 0.06 s, a filter's, to 61 s, slow air's."""
 
 TYPICAL_DEG = SETTINGS.coloured_deg
 """Prior median of each part's standard deviation, deg."""
@@ -49,7 +49,7 @@ class Spectrum:
     ----------
     white : float
         Variance of one sample's white noise, deg².
-    coloured : (5,) array
+    coloured : (6,) array
         Variance of the part of each of `CORRELATION_S`, deg².
     repeats : int
         Degrees of freedom behind it: repeated trials less their experiments; 0 where only the
@@ -82,7 +82,7 @@ class Spectrum:
 
 
 def averaged(time_s: Floats, width_s: Floats) -> Floats:
-    """Correlations of averages of Ornstein-Uhlenbeck processes, (5, n, n).
+    """Correlations of averages of Ornstein-Uhlenbeck processes, (6, n, n).
 
     The integral of exp(-|t - t'|/τ) over two windows of lengths w and w' that do not overlap is
     τ²/(w w') times the product of 4 sinh(w/2τ) sinh(w'/2τ) and exp(-distance of their middles/τ).

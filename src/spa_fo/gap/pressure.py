@@ -98,11 +98,13 @@ class PressureProblem(Explained):
         return self._known[key]
 
     def left(self, z: Floats) -> Floats:
+        """Measured less predicted, (rows,), kPa."""
         measured = self.evidence.grid.measured_kpa
         assert measured is not None
         return self.rows.merged(measured - self.predict(z))
 
     def slopes(self, z: Floats) -> Floats:
+        """Slopes over the searched parameters, (rows, parameters)."""
         y = self.predict(z)
         columns = np.zeros((y.size, self.parameters))
         for k in range(self.parameters):
@@ -112,11 +114,13 @@ class PressureProblem(Explained):
         return self.rows.merged(columns)
 
     def columns(self, z: Floats) -> Floats:
+        """Columns of the sensor: offset, gain, lateness, (rows, 3)."""
         y = self.predict(z)
         late = np.clip(-self.evidence.grid.slopes(y), -20.0, 20.0)
         return self.rows.merged(np.column_stack([np.ones(y.size), y, late]))
 
     def white(self, factor: Factor, values: Floats) -> Floats:
+        """Whiten what stands at all rows."""
         return self.whitening.white(factor, values)
 
 

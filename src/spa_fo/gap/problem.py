@@ -267,9 +267,7 @@ class AngleProblem(Explained):
         n = self.rows.size
         sigma = np.concatenate(
             [
-                np.zeros(0)
-                if self.evidence.fixture is None
-                else self.evidence.fixture.sigma_deg,
+                np.zeros(0) if self.evidence.fixture is None else self.evidence.fixture.sigma_deg,
                 self.evidence.drift_sigma_deg,
             ]
         )

@@ -21,6 +21,7 @@ from spa_fo.gap.problem import AngleProblem, starts
 from spa_fo.gap.searched import to_x
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
+from spa_fo.gap.whitening import Factor
 from spa_fo.plant.effects.library import IDS, LIBRARY, at_port, ordered
 
 Floats = NDArray[np.float64]
@@ -73,6 +74,9 @@ class Fitted:
         What the last search left, and the points that it took.
     line : (float, float) or None
         Frequency (Hz) and amplitude (deg) of an interference.
+    trend_nats, trend_deg : float
+        Log evidence for gain and rest angle that go with the trials' order beside the explanation,
+        and their RMS.
     """
 
     ids: Ids
@@ -95,6 +99,8 @@ class Fitted:
     rejected: int
 
     line: tuple[float, float] | None = None
+    trend_nats: float = 0.0
+    trend_deg: float = 0.0
 
     @property
     def x(self) -> Floats:
@@ -251,7 +257,23 @@ def weighed(bench: Bench, fitted: Fitted) -> Fitted:
 
         logs[k], at = _climb(log, at)
         levels.append(LEVELS[at])
-    return replace(fitted, logs=logs, level=levels[int(np.argmax(logs))])
+    best = int(np.argmax(logs))
+    nats, size = _trend(bench, fitted, bench.whitening.factor(levels[best], SHARES[best]))
+    return replace(fitted, logs=logs, level=levels[best], trend_nats=nats, trend_deg=size)
+
+
+def _trend(bench: Bench, fitted: Fitted, factor: Factor) -> tuple[float, float]:
+    """Weigh what goes with the trials' order: nats, and its RMS over the rows, deg."""
+    with_it, without = (
+        AngleProblem(bench, fitted.ids, fitted.changed, trend=trend) for trend in (True, False)
+    )
+    linear = with_it.linear(fitted.z)
+    bare = replace(linear, columns=np.delete(linear.columns, with_it.trends, axis=1))
+    more, solution, _ = with_it.weigh(linear, factor, fitted.variances, rounds=3)
+    less, _, _ = without.weigh(bare, factor, fitted.variances, rounds=3)
+    b = solution.coefficients[-with_it.size :]
+    moved = linear.columns[: with_it.rows.size, with_it.trends] @ b[with_it.trends]
+    return more - less, float(np.sqrt(np.mean(moved**2)))
 
 
 def _climb(log: object, at: int) -> tuple[float, int]:
@@ -317,9 +339,7 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
             z = np.empty(wide.parameters)
             z[:5], z[5:][~mine], z[5:][mine] = base.z[:5], base.z[5:], point[5:]
             there, fixed_there = wide.predict(z)
-            change = np.concatenate(
-                [problem.rows.merged(there - y), fixed_there - fixed, drifts]
-            )
+            change = np.concatenate([problem.rows.merged(there - y), fixed_there - fixed, drifts])
             column = problem.white(factor, change)
             shadow = half @ column
             seen = float(column @ column - shadow @ shadow) + 1.0
@@ -428,5 +448,5 @@ def _with_line(
 
 
 def price(fitted: Fitted) -> float:
-    """What a search over frequencies costs an explanation, nats."""
+    """Say what a search over frequencies costs an explanation, nats."""
     return float(_LINE_SEARCH) if at_port("line", fitted.ids) else 0.0

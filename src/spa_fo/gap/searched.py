@@ -26,6 +26,7 @@ ANGLE_SLOTS = np.concatenate(
 )
 """Parameters that the true angle depends on."""
 
+
 def to_z(x: Floats) -> Floats:
     """Take coefficients to the space they are searched in: orders, ln a1, ln a0, ln K."""
     return np.array([x[0], x[1], np.log(x[2]), np.log(x[3]), np.log(x[4] / x[3])])

@@ -76,13 +76,19 @@ class Settings:
     )
     # --- beforehand ------------------------------------------------------------------------------
     temper: float = _number(
-        0.3, "1", "learned", "power of the evidence: forms are not quite true; 0.1 to 1 moves little"
+        0.3,
+        "1",
+        "learned",
+        "power of the evidence: forms are not quite true; 0.1 to 1 moves little",
     )
     none: float = _number(0.3, "probability", "assumed", "no gap, beforehand")
     single: float = _number(0.5, "probability", "assumed", "one effect, beforehand")
     pair: float = _number(0.2, "probability", "assumed", "two effects, beforehand")
     unknown: float = _number(
         0.3, "odds", "learned", "that a set stands in for something else, against that it is right"
+    )
+    trend: float = _number(
+        0.2, "odds", "assumed", "that what is left goes with the trials' order, beforehand"
     )
     shift_beside: float = _number(
         0.02, "odds", "assumed", "a shift beside another effect: how wrong ones make up for it"

@@ -181,14 +181,14 @@ class Whitening:
         """Factor the covariance for a level of the coloured noise and a share that is missed."""
         key = (level, share)
         if key not in self._factors:
-            lower = []
+            lower: list[Floats] = []
             half_log = 0.0
             for coloured, white, missed in self._components():
                 covariance = level**2 * coloured
                 if share > 0.0:
                     covariance = covariance + share**2 * missed
                 covariance[np.diag_indices_from(covariance)] += white
-                factor = np.linalg.cholesky(covariance)
+                factor = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
                 half_log += float(np.sum(np.log(np.diag(factor))))
                 lower.append(factor)
             self._factors[key] = Factor(tuple(lower), half_log)
