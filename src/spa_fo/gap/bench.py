@@ -136,7 +136,8 @@ def bench_for(evidence: Evidence, given: Floats, own: bool, pressure_kpa: Floats
         centre = to_z(typical(given, horizon))
         spread = shifted = np.diag(_own() ** 2)
     else:
-        centre, spread = known_response(given, noise, horizon)
+        angle = float(np.sqrt(np.mean(evidence.grid.angle_deg**2)))
+        centre, spread = known_response(given, noise, horizon, angle)
         shifted = spread + np.diag(_shift() ** 2)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg
@@ -171,11 +172,14 @@ def _horizon_s(evidence: Evidence) -> float:
     return 0.5 * float(np.median([np.ptp(time[rows]) for rows in evidence.rows]))
 
 
-def known_response(given: Floats, noise: BenchNoise, horizon_s: float) -> tuple[Floats, Floats]:
+def known_response(
+    given: Floats, noise: BenchNoise, horizon_s: float, angle_deg: float = np.inf
+) -> tuple[Floats, Floats]:
     """Say what a model that was identified elsewhere tells of the coefficients.
 
     Its step response is known, and its coefficients only as far as that decides them: along the
-    rest they are a usual actuator's. Its gain and time scale are the mean of a few trials.
+    rest they are a usual actuator's. Its gain and time scale are the mean of a few trials, and its
+    angles, about `angle_deg` in size, were read by a sensor calibrated as well as this one.
 
     Returns
     -------
@@ -186,7 +190,9 @@ def known_response(given: Floats, noise: BenchNoise, horizon_s: float) -> tuple[
     """
     gain = given[4] / given[3]
     target = step_response(_RESPONSE_S, *given) / gain
-    usual, wide, error = to_z(typical(given, horizon_s)), _own(), SETTINGS.response_error
+    usual, wide = to_z(typical(given, horizon_s)), _own()
+    read = (noise.fixture_deg or 0.0) / angle_deg
+    error = float(np.hypot(SETTINGS.response_error, read))
 
     def response(z: Floats) -> Floats:
         return np.asarray(step_response(_RESPONSE_S, *to_x(keep_apart(z))) / gain)
@@ -206,7 +212,7 @@ def known_response(given: Floats, noise: BenchNoise, horizon_s: float) -> tuple[
     quicker = np.array([0.0, 0.0, z[0] - z[1], z[0], 0.0])
     scatter, trials = noise.scatter, SETTINGS.model_trials
     covariance += scatter.time_scale**2 / trials * np.outer(quicker, quicker)
-    covariance[4, 4] += scatter.gain**2 / trials
+    covariance[4, 4] += scatter.gain**2 / trials + read**2
     return z, np.asarray(covariance, dtype=np.float64)
 
 

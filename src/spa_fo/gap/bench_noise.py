@@ -67,6 +67,12 @@ class BenchNoise:
         shares = self.spectrum.coloured / self.spectrum.coloured.sum()
         return float(np.exp(shares @ np.log(CORRELATION_S)))
 
+    def floor_deg(self, angle_deg: Floats) -> float:
+        """Give what trials of these angles would differ by from their mean, RMS, deg."""
+        own = self.scatter
+        gain = own.gain * float(np.sqrt(np.mean(angle_deg**2)))
+        return float(np.hypot(np.hypot(self.spectrum.deviation_deg, own.rest_deg), gain))
+
     def sentence(self) -> str:
         """Say it to a reader; empty where no experiment has a repeat."""
         if not self.spectrum.repeats:

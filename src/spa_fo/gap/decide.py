@@ -125,10 +125,15 @@ class _Part:
     left_deg: float
 
 
-def _weighed(ids: Ids, logs: Floats, gap_deg: float, floor_deg: float) -> tuple[float, Floats]:
-    """Weigh an explanation as right, and as standing in for something else, by share."""
+def _weighed(
+    ids: Ids, logs: Floats, gap_deg: float, floor_deg: float, repeats: bool = True
+) -> tuple[float, Floats]:
+    """Weigh an explanation as right, and as standing in for something else, by share.
+
+    Without repeats what is left cannot be told from coloured noise, and speaks for nothing.
+    """
     s = SETTINGS
-    small = _SHARES * gap_deg < s.left * floor_deg
+    small = (_SHARES * gap_deg < s.left * floor_deg) | (not repeats)
     penalty = np.where(small, 0.0, _SHARES / s.right_share)
     scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
     right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
@@ -138,6 +143,7 @@ def _weighed(ids: Ids, logs: Floats, gap_deg: float, floor_deg: float) -> tuple[
 
 def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
     s, gap_deg = SETTINGS, found.bench.gap_deg
+    repeats = found.bench.noise.spectrum.repeats > 0
     weight = found.bench.evidence.grid.counts
     parts = []
 
@@ -157,7 +163,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         if ids and not named:
             continue  # what it is worth is worth as much without it
         logs = f.logs - price(f)
-        right, unknown = _weighed(ids, logs, gap_deg, floor_deg)
+        right, unknown = _weighed(ids, logs, gap_deg, floor_deg, repeats)
         left = float(_SHARES[int(np.argmax(logs))]) * gap_deg
         if f.trend_deg > s.no_gap * floor_deg:
             # What goes with the trials' order is structure that is left, too.
@@ -230,7 +236,8 @@ def _normalised(
             best[part.named] = part
         scores[part.named] = float(np.logaddexp(scores.get(part.named, -np.inf), right))
         unknown.append(float(logsumexp(stands_in)))
-    all_logs = np.array([*scores.values(), logsumexp(unknown)])
+    # What stands in for an unknown effect is no hypothesis of its own: the best is enough.
+    all_logs = np.array([*scores.values(), max(unknown)])
     weights = np.exp(all_logs - all_logs.max())
     weights /= weights.sum()
     return dict(zip(scores, weights.tolist(), strict=False)), best, float(weights[-1])

@@ -289,12 +289,14 @@ def examine(
     held = hold_out(everything, rng)
     evidence = replace(everything, takes_part=~held.trials)
     given = plain.transfer_function.as_array()
-    floor = noise_floor(everything)
     per_kpa_deg = float(np.degrees(given[4] / given[3])) / plain.reference_kpa
     progress(f"explaining {evidence.takes_part.sum()} trials")
     drive = examine_drive(evidence, excluded, per_kpa_deg) if evidence.has_pressure else None
     own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
     bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa)
+    floor = noise_floor(everything)
+    if not bench.noise.spectrum.repeats:
+        floor = bench.noise.floor_deg(everything.grid.angle_deg)
     found = explain(bench, excluded)
     progress(f"weighing {len(found.fits)} explanations")
     line = at_port("line")

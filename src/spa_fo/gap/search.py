@@ -32,7 +32,7 @@ _BEST_STARTS = 2
 _ROUGH, _ROUGH_TRIED = 0.5, 12  # nats and points of a search that only ranks starts
 _FIRST, _ENOUGH, _MOST_TRIED = 0.1, 0.01, 40
 _FARTHEST = 4.0  # times the size that an effect is screened with
-_WORTH_WEIGHING = 150.0  # nats behind the best
+_WORTH_WEIGHING = 60.0  # nats behind the best
 _LINE_SEARCH = np.log(400.0)  # price of a search over frequencies and amplitudes
 
 

@@ -65,7 +65,7 @@ class Settings:
     # --- the pressure ----------------------------------------------------------------------------
     pressure_offset_kpa: float = _number(0.4, "kPa", "assumed", "zero of a pressure sensor")
     pressure_gain: float = _number(0.004, "1", "assumed", "gain error of a pressure sensor")
-    pressure_late_s: float = _number(0.01, "s", "assumed", "lateness of a pressure channel")
+    pressure_late_s: float = _number(0.03, "s", "assumed", "lateness of a pressure channel")
     angle_late_s: float = _number(0.006, "s", "assumed", "part of a sample that a row is late by")
     # --- what a form misses ----------------------------------------------------------------------
     search_share: float = _number(
@@ -76,7 +76,7 @@ class Settings:
     )
     # --- beforehand ------------------------------------------------------------------------------
     temper: float = _number(
-        0.3,
+        0.15,
         "1",
         "learned",
         "power of the evidence: forms are not quite true; 0.1 to 1 moves little",
@@ -88,7 +88,7 @@ class Settings:
         0.3, "odds", "learned", "that a set stands in for something else, against that it is right"
     )
     trend: float = _number(
-        0.2, "odds", "assumed", "that what is left goes with the trials' order, beforehand"
+        0.2, "odds", "learned", "that what is left goes with the trials' order, beforehand"
     )
     shift_beside: float = _number(
         0.02, "odds", "assumed", "a shift beside another effect: how wrong ones make up for it"
@@ -105,10 +105,10 @@ class Settings:
     )
     needed_of_all: float = _number(0.1, "of what the set moves", "learned", "the same")
     left: float = _number(
-        0.15, "noise floors", "assumed", "structure that is left and smaller is no sign of anything"
+        0.3, "noise floors", "learned", "structure that is left and smaller is no sign of anything"
     )
     no_gap: float = _number(
-        0.3, "noise floors", "assumed", "structure that repeats and is smaller is no gap"
+        0.4, "noise floors", "learned", "structure that repeats and is smaller is no gap"
     )
     line_nats: float = _number(5.0, "nat", "assumed", "an interference that is worth a fit")
     # --- the answer ------------------------------------------------------------------------------
