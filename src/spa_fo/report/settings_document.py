@@ -1,0 +1,72 @@
+"""The page of numbers that a diagnosis weighs by, from `spa_fo.gap.settings`.
+
+``python -m spa_fo.report.settings_document docs`` writes it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import get_args
+
+from spa_fo.atomic import write_text
+from spa_fo.edge import bad_input_exits
+from spa_fo.gap.settings import SETTINGS, Origin, Settings
+
+_HEAD = """\
+# Numbers of the diagnosis
+
+The numbers that [a diagnosis](diagnosis.md) weighs by: unit, where each comes from, and why. They
+stand in one place, `src/spa_fo/gap/settings.py`, and this page is written from it by
+`python -m spa_fo.report.settings_document docs`. There are {total} of them: {counts}.
+
+- **derived**: follows from something else, by the reason given;
+- **learned**: from opened cases of the rig that is for learning, in drawn surroundings, never from
+  those that judge;
+- **measured**: on real actuators or on the machine;
+- **assumed**: set by hand. A debt: nothing shows yet that another value would not do as well.
+
+What is plausible of each effect's parameters stands apart, in
+`src/spa_fo/plant/effects/library.py`; how finely things are computed stands beside the code that
+does it.
+
+| name | value | unit | origin | reason |
+|---|--:|---|---|---|
+"""
+
+
+def page(settings: Settings = SETTINGS) -> str:
+    """Return the page of numbers in Markdown."""
+    listed = list(settings.listed())
+    origins = [origin for _, _, _, origin, _ in listed]
+    counts = [f"{origins.count(kind)} {kind}" for kind in get_args(Origin)]
+    head = _HEAD.format(total=len(listed), counts=f"{', '.join(counts[:-1])} and {counts[-1]}")
+    return head + "".join(_row(*number) for number in listed)
+
+
+def _row(name: str, value: float, unit: str, origin: str, reason: str) -> str:
+    shown = "" if unit == "1" else _cell(unit)
+    return f"| `{name}` | {value:g} | {shown} | {origin} | {_cell(reason)} |\n"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m spa_fo.report.settings_document",
+        description="Write the page of numbers that a verdict depends on.",
+        epilog="example: python -m spa_fo.report.settings_document docs",
+    )
+    parser.add_argument("folder", metavar="DOCS", type=Path, help="gets settings.md")
+    given = parser.parse_args(arguments)
+    with bad_input_exits():
+        write_text(given.folder / "settings.md", page())
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
