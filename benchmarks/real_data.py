@@ -120,18 +120,22 @@ def answers(found: dict[str, tuple[TransferFunction, Diagnosis]], command: str) 
     ]
     for name, (model, diagnosis) in found.items():
         document: dict[str, Any] = diagnosis.to_dict()
-        stages = document["where"]["stage"]
         parts += [
             f"## {name}",
             " ".join(headline(document)),
             f"Model: α2 = {model.alpha2:.3g}, α1 = {model.alpha1:.3g}, a1 = {model.a1:.3g}, "
-            f"a0 = {model.a0:.3g}, b0 = {model.b0:.3g}. By stage: "
-            + ", ".join(f"{stage} {100.0 * share:.0f} %" for stage, share in stages.items())
-            + ".",
+            f"a0 = {model.a0:.3g}, b0 = {model.b0:.3g}. By stage: {by_stage(document['where'])}.",
             "\n".join(f"- {finding}" for finding in diagnosis.findings),
             f"[The page, with its figures]({name}/diagnosis.md)",
         ]
     return "\n\n".join(parts) + "\n"
+
+
+def by_stage(where: dict[str, Any]) -> str:
+    """Say what share of the gap is each stage's, or why that is not known."""
+    if where["stage"] is None:
+        return f"not known: {where['not_known']}"
+    return ", ".join(f"{stage} {100.0 * share:.0f} %" for stage, share in where["stage"].items())
 
 
 def commit() -> str:

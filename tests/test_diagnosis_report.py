@@ -27,6 +27,7 @@ from spa_fo.report.effect_words import EFFECT_WORDS, parameter_words, phrase
 from spa_fo.report.experiments import rms
 from spa_fo.report.glossary import typical
 from spa_fo.report.headline import headline
+from spa_fo.report.interactive_page import interactive_page
 from spa_fo.report.parameter_words import PARAMETER_MEANS
 from spa_fo.report.sections import step_line
 
@@ -313,6 +314,23 @@ def test_where_lists_the_largest_shares_first() -> None:
     table = rows(sections(document(diagnosis()))["Where"])
     assert table["stage"] == ["actuator 83 %, drive 10 %, sensor 7 %"]
     assert table["amplitude"] == ["below 5° 60 %, 5-15° 40 %"]
+
+
+def test_where_the_stage_is_not_known_every_page_says_so_and_why() -> None:
+    where = replace(diagnosis().where, stage=None, not_known="no pressure was <logged>")
+    one = diagnosis(kind="unknown", sets=(), shrink=None, where=where)
+    assert "and where it arises is not known (no pressure was <logged>). The cause" in verdict(one)
+    table = rows(sections(document(one))["Where"])
+    assert table["stage"] == ["not known: no pressure was <logged>"]
+    assert table["amplitude"] == ["below 5° 60 %, 5-15° 40 %"]
+    page = interactive_page(one)
+    said = '<h3>by stage</h3><p class="note">not known: no pressure was &lt;logged&gt;</p>'
+    assert said in page
+    assert "by amplitude" in page
+    titles = [axes.get_title(loc="left") for axes in gap_figure(one).axes]
+    assert "stage" not in titles
+    assert "amplitude" in titles
+    assert one.to_dict()["where"]["stage"] is None
 
 
 def test_the_page_says_which_trials_the_errors_are_of_where_nothing_is_explained() -> None:

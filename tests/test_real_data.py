@@ -56,6 +56,14 @@ def test_no_sure_name_where_the_gain_grows_with_the_pressure(soft_arm: dict[str,
     assert soft_arm["verdict"]["kind"] in ("unknown", "ambiguous")
 
 
+def test_a_stage_that_is_not_known_is_said_so(real_data: Any) -> None:
+    assert real_data.by_stage({"stage": {"drive": 0.39, "actuator": 0.61}}) == (
+        "drive 39 %, actuator 61 %"
+    )
+    where = {"stage": None, "not_known": "no pressure was logged"}
+    assert real_data.by_stage(where) == "not known: no pressure was logged"
+
+
 def test_one_chamber_of_the_bellow_at_a_time(
     real_data: Any, shared_data: Path, tmp_path: Path
 ) -> None:

@@ -25,6 +25,7 @@ from spa_fo.report.experiments import (
     mean_over_trials,
     rms,
 )
+from spa_fo.report.share_maps import share_maps
 from spa_fo.report.style import (
     BLACK,
     BLUE,
@@ -80,7 +81,7 @@ def gap_figure(diagnosis: Diagnosis) -> Figure:
     Parameters
     ----------
     diagnosis : Diagnosis
-        Of any kind; share maps that are empty or all zero are left out.
+        Of any kind; share maps that are not known, empty or all zero are left out.
 
     Returns
     -------
@@ -88,11 +89,7 @@ def gap_figure(diagnosis: Diagnosis) -> Figure:
     """
     traces = diagnosis.traces
     drawn = experiments(traces)
-    maps = {
-        name: shares
-        for name, shares in vars(diagnosis.where).items()
-        if any(share != 0.0 for share in shares.values())
-    }
+    maps = share_maps(diagnosis.where)
     rows = _grid([f"time {e.name}" for e in drawn])
     bars = _grid([f"share {name}" for name in maps]) if maps else []
     figure = Figure(figsize=(TWO_COLUMNS_IN, 0.6 + 1.45 * len(rows) + 1.35 * len(bars)))

@@ -29,6 +29,7 @@ from spa_fo.report.sections import (
     parameter_tables,
     shrink_words,
 )
+from spa_fo.report.share_maps import not_known, share_maps
 from spa_fo.report.verdict_words import judged
 
 _HERE = Path(__file__).parent
@@ -151,9 +152,11 @@ def _ladder(diagnosis: Diagnosis) -> str:
 
 def _where(diagnosis: Diagnosis) -> Iterator[str]:
     """Draw the shares of the gap, a map each."""
-    for name, shares in vars(diagnosis.where).items():
-        if not any(shares.values()):
-            continue
+    stage = not_known(diagnosis.where)
+    if stage:
+        said = f'<p class="note">{html.escape(stage)}</p>'
+        yield f"<div><h3>by {MAP_WORDS['stage']}</h3>{said}</div>\n"
+    for name, shares in share_maps(diagnosis.where).items():
         bars = {
             STAGE_WORDS.get(bin_name, bin_words(bin_name)): ("plain", share, percent(share))
             for bin_name, share in sorted(shares.items(), key=lambda item: -item[1])

@@ -15,6 +15,7 @@ from spa_fo.report.causes import (
 )
 from spa_fo.report.effect_words import EFFECT_WORDS, MAP_WORDS, bin_words, joined, phrase
 from spa_fo.report.glossary import HEAD, entries, listed
+from spa_fo.report.share_maps import not_known, share_maps
 from spa_fo.report.verdict_words import judged
 
 _BASELINE_WORDS = {"smallest_bic": "smallest BIC", "commonest": "commonest effect"}
@@ -165,10 +166,11 @@ def shrink_words(diagnosis: Diagnosis) -> list[str]:
 def where_part(diagnosis: Diagnosis) -> Iterator[str]:
     """Tabulate where the gap lies, the largest shares first."""
     rows = [
-        (MAP_WORDS[name], _largest(shares))
-        for name, shares in vars(diagnosis.where).items()
-        if any(shares.values())
+        (MAP_WORDS[name], _largest(shares)) for name, shares in share_maps(diagnosis.where).items()
     ]
+    stage = not_known(diagnosis.where)
+    if stage:
+        rows = [(MAP_WORDS["stage"], stage), *rows]
     if rows:
         yield _table(("by", "share of the gap"), rows, ":--|:--")
 

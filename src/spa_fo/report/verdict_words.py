@@ -40,6 +40,9 @@ def _chance(diagnosis: Diagnosis) -> str:
 
 def _mostly(diagnosis: Diagnosis) -> str:
     shares = diagnosis.where.stage
+    if shares is None:
+        why = diagnosis.where.not_known
+        return f", and where it arises is not known{f' ({why})' if why else ''}"
     if not any(shares.values()):
         return ""
     stage = max(shares, key=lambda name: shares[name])
