@@ -40,3 +40,15 @@ def test_the_opening_counts_the_origins() -> None:
 def test_the_command_writes_the_page(tmp_path: Path) -> None:
     assert main([str(tmp_path)]) == 0
     assert (tmp_path / "settings.md").read_text(encoding="utf-8") == page()
+
+
+def test_the_page_on_diagnoses_names_settings_and_their_origins_as_they_are() -> None:
+    """A list of links; behind it, perhaps, the origin that is claimed of all of them."""
+    text = " ".join((ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8").split())
+    origins = {name: origin for name, _, _, origin, _ in SETTINGS.listed()}
+    link = r"\[`(\w+)`\]\(settings\.md\)"
+    assert set(re.findall(link, text)) <= set(origins)
+    claims = re.findall(rf"((?:{link},? ?)+)\(?(?:all )?(assumed|learned)", text)
+    claimed = {(name, origin) for links, _, origin in claims for name in re.findall(link, links)}
+    assert len(claimed) > 8
+    assert claimed <= set(origins.items())
