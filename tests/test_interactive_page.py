@@ -20,6 +20,7 @@ from spa_fo.report.experiments import worst
 from spa_fo.report.headline import opening
 from spa_fo.report.interactive_figures import MOST_EXPERIMENTS, figure_of, figures
 from spa_fo.report.interactive_page import interactive_page
+from spa_fo.report.verdict_words import verdict
 from test_diagnosis_report import AMBIGUOUS, EVERY, NO_GAP, UNEXPLAINED, diagnosis, traces
 
 MEGABYTE = 1e6
@@ -78,8 +79,10 @@ def test_the_opening_of_an_open_question_names_the_next_step() -> None:
 
 def test_a_floor_without_repeats_is_not_said_to_be_of_repeats() -> None:
     alone = replace(UNEXPLAINED, gap=replace(UNEXPLAINED.gap, repeats=False))
-    assert "the noise of single samples" in opening(alone.to_dict())[0]
-    assert "repeated trials" in opening(UNEXPLAINED.to_dict())[0]
+    assert "what repeated trials would be expected to differ by" in opening(alone.to_dict())[0]
+    assert "would be expected to differ by 0.50° among themselves" in verdict(alone)
+    assert "what repeated trials differ by" in opening(UNEXPLAINED.to_dict())[0]
+    assert "differ by 0.50° among themselves" in verdict(UNEXPLAINED)
 
 
 def test_a_gap_below_the_scatter_is_said_to_come_every_time() -> None:

@@ -66,8 +66,8 @@ def _answer(document: Mapping[str, Any]) -> str:
 def _sizes(document: Mapping[str, Any]) -> str:
     gap, shrink = document["gap"], document["shrink"]
     missed = (
-        f"The model misses the campaign by {gap['rmse_deg']:.2f}°, repeated trials each other by "
-        f"{gap['noise_floor_deg']:.2f}°"
+        f"The model misses the campaign by {gap['rmse_deg']:.2f}°, repeated trials "
+        f"{_differ(document)} {gap['noise_floor_deg']:.2f}°"
     )
     if shrink is None:
         return f"{missed}."
@@ -106,19 +106,18 @@ def _together(ids: Sequence[str]) -> str:
 def _missed(document: Mapping[str, Any]) -> str:
     gap = document["gap"]
     error, floor = gap["rmse_deg"], gap["noise_floor_deg"]
-    repeats = _repeats(document)
-    scatter = "repeated trials differ by" if repeats else "the noise of single samples"
+    scatter = f"repeated trials {_differ(document)}"
     text = f"The model is off by {error:.2f}° (RMS)"
     if document["verdict"]["kind"] == "no_gap":
         return f"{text}, which is no more than {scatter} ({floor:.2f}°)"
     if error <= floor:
         return f"{text} in the same way every time, though {scatter} {floor:.2f}°"
-    return f"{text}, {error / floor:.1f} times {'what ' if repeats else ''}{scatter} ({floor:.2f}°)"
+    return f"{text}, {error / floor:.1f} times what {scatter} ({floor:.2f}°)"
 
 
-def _repeats(document: Mapping[str, Any]) -> bool:
-    """Say whether some experiment has a repeat, which the noise floor is then of."""
-    return bool(document["gap"].get("repeats", True))
+def _differ(document: Mapping[str, Any]) -> str:
+    """Say whether the noise floor is of repeats, or what is expected of an ordinary bench."""
+    return "differ by" if document["gap"].get("repeats", True) else "would be expected to differ by"
 
 
 def _blamed(document: Mapping[str, Any]) -> str:

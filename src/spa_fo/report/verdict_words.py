@@ -16,10 +16,11 @@ def verdict(diagnosis: Diagnosis) -> str:
         Of any kind.
     """
     gap = diagnosis.gap
+    differ = "differ" if gap.repeats else "would be expected to differ"
     if diagnosis.kind == "no_gap":
         return (
             f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}°, which repeated trials "
-            f"account for: they differ by {gap.noise_floor_deg:.2f}° among themselves "
+            f"account for: they {differ} by {gap.noise_floor_deg:.2f}° among themselves "
             f"({_chance(diagnosis)}). There is **no gap** to explain: the model stands as it is."
         )
     against = (
@@ -27,7 +28,7 @@ def verdict(diagnosis: Diagnosis) -> str:
     )
     size = (
         f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}° {against} repeated trials "
-        f"differ by {gap.noise_floor_deg:.2f}° among themselves "
+        f"{differ} by {gap.noise_floor_deg:.2f}° among themselves "
         f"({_chance(diagnosis)}){_mostly(diagnosis)}."
     )
     cause = {"cause": _one_cause, "ambiguous": _several_causes, "unknown": _no_cause}
