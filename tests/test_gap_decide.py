@@ -1,0 +1,174 @@
+"""From evidence to an answer."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from spa_fo.gap import decide
+from spa_fo.gap.bench import SHARES
+from spa_fo.gap.decide import Scored, judge, log_prior, stage_shares
+from spa_fo.gap.hold_out import fraction_closed, hold_out
+from spa_fo.gap.settings import SETTINGS
+
+GAP_DEG, FLOOR_DEG = 4.0, 0.5
+
+
+def scored(ids, probability, moved=None):
+    fitted = SimpleNamespace(ids=ids)
+    return Scored(ids, probability, fitted, None, None, moved or dict.fromkeys(ids, 1.0), 0.0)
+
+
+def test_one_set_that_holds_nearly_all_is_the_cause():
+    verdict = judge([scored(("creep",), 0.96), scored((), 0.03)], 0.01, 0.0)
+    assert verdict.kind == "cause"
+    assert verdict.sets == (("creep",),)
+
+
+def test_sets_that_share_the_probability_are_ambiguous():
+    every = [scored(("creep",), 0.6), scored(("sensor_creep",), 0.35), scored(("leak",), 0.05)]
+    verdict = judge(every, 0.0, 0.0)
+    assert verdict.kind == "ambiguous"
+    assert verdict.sets == (("creep",), ("sensor_creep",))
+
+
+def test_no_gap_names_nothing():
+    verdict = judge([scored((), 0.9), scored(("creep",), 0.1)], 0.0, 0.0)
+    assert verdict.kind == "no_gap"
+    assert verdict.sets == ()
+
+
+def test_unknown_has_to_be_more_probable_than_all_that_is_named():
+    every = [scored((), 0.3), scored(("creep",), 0.2), scored(("leak",), 0.15)]
+    assert judge(every, 0.36, 0.0).kind == "unknown"
+    assert judge(every, 0.34, 0.0).kind == "ambiguous"
+
+
+def test_a_gap_has_to_be_more_probable_than_none():
+    for none, kind in ((0.51, "no_gap"), (0.49, "cause")):
+        every = [scored((), none), scored(("creep",), 0.9 - none)]
+        assert judge(every, 0.1, 0.0).kind == kind
+    assert set(stage_shares(judge([scored((), 1.0)], 0.0, 0.0)).values()) == {0.0}
+
+
+def test_unknown_keeps_only_the_part_that_is_explained():
+    every = [scored(("creep",), 0.06), scored(("leak",), 0.04)]
+    verdict = judge(every, 0.9, 0.0)
+    assert verdict.kind == "unknown"
+    assert verdict.sets == (("creep",),)
+
+
+def test_stage_shares_weigh_by_square_and_probability():
+    every = [
+        scored(("leak", "creep"), 0.5, {"leak": 1.0, "creep": 3.0}),
+        scored(("sensor_lag",), 0.5),
+    ]
+    shares = stage_shares(judge(every, 0.0, 0.0))
+    assert shares == pytest.approx(
+        {"drive": 0.05, "actuator": 0.45, "sensor": 0.5, "acquisition": 0.0}
+    )
+
+
+def test_small_sets_come_first_and_a_shift_beside_another_last():
+    one, two, three = ("creep",), ("creep", "leak"), ("creep", "leak", "line_lag")
+    assert log_prior(()) > log_prior(one) > log_prior(two) > log_prior(three)
+    assert log_prior(("creep", "parameter_shift")) < log_prior(two)
+
+
+def part(named, logs):
+    """An explanation whose log evidence is `logs`, by the share that it misses."""
+    right, unknown = decide._weighed(named, np.array(logs), GAP_DEG, FLOOR_DEG)
+    return decide._Part(named, right, unknown, None, {}, 0.0)
+
+
+def answer(*parts):
+    return decide._normalised(parts, GAP_DEG, FLOOR_DEG)
+
+
+PLAIN = part((), [-900.0, -800.0, -700.0, -500.0, -200.0, -100.0])
+
+
+def test_what_leaves_nothing_is_the_cause():
+    named, _, unknown = answer(PLAIN, part(("creep",), [0.0, -30.0, -90.0, -200.0, -300.0, -400.0]))
+    assert named[("creep",)] > 0.9
+    assert unknown < 0.1
+
+
+def test_what_leaves_much_stands_in_for_something_unknown():
+    named, _, unknown = answer(PLAIN, part(("creep",), [-400.0, -200.0, -90.0, 0.0, -20.0, -60.0]))
+    assert unknown > 0.5 > named[("creep",)]
+
+
+def test_without_repeats_what_is_left_speaks_for_nothing():
+    logs = np.array([-400.0, -200.0, -90.0, 0.0, -20.0, -60.0])
+    right, unknown = decide._weighed(("creep",), logs, GAP_DEG, FLOOR_DEG, repeats=False)
+    assert np.all(np.isneginf(unknown))
+    assert right > log_prior(("creep",)) - 2.0
+
+
+def test_structure_that_is_too_small_is_no_gap():
+    """The same evidence, of a gap of a tenth of the floor."""
+    logs = np.array([0.0, 1.0, 5.0, 20.0, 25.0, 10.0])
+    for gap_deg, alone in ((0.1 * FLOOR_DEG, True), (4.0 * FLOOR_DEG, False)):
+        right, unknown = decide._weighed((), logs, gap_deg, FLOOR_DEG)
+        plain = decide._Part((), right, unknown, None, {}, 0.0)
+        named, _, elsewhere = decide._normalised([plain], gap_deg, FLOOR_DEG)
+        assert (named[()] > 0.9) is alone
+        assert (elsewhere < 0.1) is alone
+
+
+def fit(ids, curve, moved):
+    """A fit of the angle that predicts `curve` everywhere."""
+    logs = np.full(len(SHARES), -1.0)
+    shared = np.full(10, curve)
+    return SimpleNamespace(
+        ids=ids, logs=logs, moved_deg=moved, shared_deg=shared, trend_deg=0.0, trend_nats=0.0
+    )
+
+
+def test_a_member_without_which_the_others_do_as_well_is_not_named():
+    fits = [
+        fit((), 0.0, {}),
+        fit(("creep",), 2.0, {"creep": 2.0}),
+        fit(("leak",), 0.1, {"leak": 2.0}),
+        fit(("leak", "creep"), 2.01, {"leak": 2.0, "creep": 2.0}),
+    ]
+    evidence = SimpleNamespace(grid=SimpleNamespace(counts=np.ones(10)))
+    noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=5))
+    bench = SimpleNamespace(evidence=evidence, gap_deg=GAP_DEG, noise=noise)
+    found = SimpleNamespace(fits={f.ids: f for f in fits}, bench=bench, excluded=())
+    named = {p.fit.ids: p.named for p in decide._of_angle(found, FLOOR_DEG)}
+    assert named[("leak", "creep")] == ("creep",)
+    assert named[("creep",)] == ("creep",)
+
+
+def test_what_moves_less_than_a_part_of_the_floor_is_none():
+    least = SETTINGS.moves * FLOOR_DEG
+    assert decide._that_move({"creep": 1.01 * least, "leak": 0.99 * least}, FLOOR_DEG) == ("creep",)
+
+
+def test_fraction_closed_is_the_contracts():
+    before, after, floor = 2.1**2, 0.6**2, 0.5
+    expected = 1.0 - (after - floor**2) / (before - floor**2)
+    assert fraction_closed(before, after, floor) == pytest.approx(expected)
+    # What is left below the floor closes no more than all of the gap.
+    assert fraction_closed(before, 0.4**2, floor) == 1.0
+
+
+def trials(names):
+    listed = tuple(SimpleNamespace(experiment=name, label=f"{name} {i}") for i, name in names)
+    return SimpleNamespace(grid=SimpleNamespace(trials=listed))
+
+
+def test_one_trial_of_each_repeated_experiment_is_held_out_and_never_the_first():
+    names = list(enumerate(["a"] * 5 + ["b"] * 4 + ["c"]))
+    for seed in range(20):
+        held = hold_out(trials(names), np.random.default_rng(seed))
+        assert held.trials[:5].sum() == 1
+        assert held.trials[5:9].sum() == 1
+        assert not held.trials[[0, 5, 9]].any()
+
+
+def test_without_repeats_one_experiment_is_held_out():
+    held = hold_out(trials(list(enumerate("abcd"))), np.random.default_rng(0))
+    assert held.trials.sum() == 1

@@ -1,0 +1,123 @@
+"""Interference on the flex channel: found where it is, and in no coloured noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import campaigns
+from spa_fo.gap.evidence import collect
+from spa_fo.gap.interference import Line, fast_line, slow_line
+from spa_fo.gap.noise import CORRELATION_S, Spectrum
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.gap.whitening import Whitening, lay_rows
+from spa_fo.rig import CampaignData, read_campaign, read_trials
+
+STEP_S, SAMPLES, TRIALS = 0.16, 120, 6
+QUIET = Spectrum(0.01, np.full(CORRELATION_S.size, 0.002))
+
+
+def searched(hz: float, amplitude_deg: float, seed: int = 1) -> Line:
+    """Look for a line in coloured noise, a wave of a phase of its own added to every trial."""
+    rng = np.random.default_rng(seed)
+    time = np.tile(STEP_S * (np.arange(SAMPLES) + 0.5), TRIALS)
+    trial = np.repeat(np.arange(TRIALS), SAMPLES)
+    groups = [[np.flatnonzero(trial == t)] for t in range(TRIALS)]
+    ones = np.ones(trial.size)
+    rows = lay_rows(groups, time, STEP_S * ones, 8.0 * ones, 1e-4 * ones, trial, 10**6)
+    whitening = Whitening(rows, QUIET, 0.0 * ones)
+    factor = whitening.factor(1.0, 0.0)
+    noise = np.concatenate([low @ rng.standard_normal(low.shape[0]) for low in factor.lower])
+    phase = np.repeat(rng.uniform(0.0, 2.0 * np.pi, TRIALS), SAMPLES)
+    left = noise + amplitude_deg * np.sin(2.0 * np.pi * hz * time + phase)
+    taken = np.linalg.qr(whitening.white(factor, ones[:, None]))[0].T
+    return slow_line(rows, whitening, factor, whitening.white(factor, left), taken)
+
+
+@pytest.mark.parametrize("hz", [0.4, 1.1, 2.6])
+def test_a_slow_line_is_found_with_its_frequency(hz: float) -> None:
+    found = searched(hz, 0.6)
+    assert found.frequency_hz == pytest.approx(hz, abs=0.03)
+    assert found.amplitude_deg == pytest.approx(0.6, rel=0.5)  # it is searched on a coarse grid
+    assert found.gain > 20.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_coloured_noise_alone_shows_none(seed: int) -> None:
+    assert searched(1.0, 0.0, seed).gain < 3.0
+
+
+SLOW = pytest.mark.xfail(
+    strict=True, reason="a stronger slow wave leaks into the slowest frequency that is tried"
+)
+
+
+@pytest.mark.parametrize(
+    ("cycles", "amplitude_deg"),
+    [
+        (0.5, 0.6),
+        (1.0, 0.6),
+        pytest.param(1.0, 2.0, marks=SLOW),
+        pytest.param(1.8, 0.6, marks=SLOW),
+        pytest.param(2.5, 0.6, marks=SLOW),
+    ],
+)
+def test_a_wave_slower_than_three_cycles_a_trial_is_none(
+    cycles: float, amplitude_deg: float
+) -> None:
+    """It may be any drift."""
+    found = searched(cycles / (STEP_S * (SAMPLES - 1)), amplitude_deg)
+    assert found.gain < SETTINGS.line_nats
+
+
+def test_a_wave_a_little_faster_is_one() -> None:
+    hz = 3.3 / (STEP_S * (SAMPLES - 1))
+    found = searched(hz, 0.6)
+    assert found.frequency_hz == pytest.approx(hz, abs=0.03)
+    assert found.gain > 20.0
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> CampaignData:
+    folder = tmp_path_factory.mktemp("raw") / "steps"
+    campaigns.step_campaign(folder, trials=3)
+    return read_trials(read_campaign(folder))
+
+
+def hummed(data: CampaignData, hz: float, amplitude_deg: float) -> CampaignData:
+    """Add a wave whose phase is each trial's own."""
+    phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, len(data.trials))
+    trials = tuple(
+        replace(
+            trial,
+            angle_deg=trial.angle_deg
+            + amplitude_deg * np.sin(2.0 * np.pi * hz * trial.t_s + phase),
+        )
+        for trial, phase in zip(data.trials, phases, strict=True)
+    )
+    return replace(data, trials=trials)
+
+
+@pytest.mark.parametrize("hz", [4.3, 8.0, 11.9])
+def test_a_fast_line_is_found_with_its_frequency_and_amplitude(
+    hz: float, clean: CampaignData
+) -> None:
+    found = fast_line(collect(hummed(clean, hz, 0.8)))
+    assert found.frequency_hz == pytest.approx(hz, abs=0.05)
+    assert found.amplitude_deg == pytest.approx(0.8, rel=0.15)
+    assert found.gain > 100.0
+
+
+def test_no_fast_line_is_found_where_there_is_none(clean: CampaignData) -> None:
+    assert fast_line(collect(clean)).gain == 0.0
+
+
+def test_white_noise_of_another_level_is_no_line(clean: CampaignData) -> None:
+    rng = np.random.default_rng(3)
+    louder = tuple(
+        replace(trial, angle_deg=trial.angle_deg + rng.normal(0.0, 1.0, trial.t_s.size))
+        for trial in clean.trials
+    )
+    assert fast_line(collect(replace(clean, trials=louder))).gain < SETTINGS.line_nats
