@@ -7,16 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from spa_fo.gap.diagnosis import Shrink
 from spa_fo.gap.hold_out import (
     HeldOut,
     fraction_closed,
-    hold_out,
-    in_turn,
-    last_trials,
     shrink,
 )
 
@@ -114,40 +109,3 @@ def test_the_interval_of_a_wrong_model_holds_its_fraction() -> None:
     low, high = found.ci95
     assert found.fraction_closed < -100
     assert low <= found.fraction_closed <= high
-
-
-def campaign(experiments: list[str]) -> Any:
-    trials = [SimpleNamespace(experiment=name, label=name) for name in experiments]
-    return SimpleNamespace(grid=SimpleNamespace(trials=trials))
-
-
-@given(st.lists(st.sampled_from("abc"), min_size=1, max_size=40), st.integers(0, 99))
-def test_every_repeated_trial_is_left_out_once_and_the_first_never(
-    experiments: list[str], seed: int
-) -> None:
-    evidence = campaign(experiments)
-    rng = np.random.default_rng(seed)
-    first = hold_out(evidence, rng)
-    folds = in_turn(evidence, first, rng)
-    assert len(folds) <= 4
-    assert (folds[0] == first.trials).all()
-    assert all(fold.any() for fold in folds[1:])
-    times_out = np.sum(folds, axis=0)
-    repeated = [name in experiments[:i] for i, name in enumerate(experiments)]
-    if any(repeated):
-        assert times_out.tolist() == [int(again) for again in repeated]
-
-
-def test_folds_hold_about_as_many_trials_of_each_experiment() -> None:
-    evidence = campaign(list("aaaaaaabbbbbbb"))
-    rng = np.random.default_rng(3)
-    folds = in_turn(evidence, hold_out(evidence, rng), rng)
-    assert [(fold[:7].sum(), fold[7:].sum()) for fold in folds] == [(1, 1), (2, 2), (2, 2), (1, 1)]
-
-
-def test_the_last_trials_are_those_of_the_largest_order() -> None:
-    orders = np.array([3, 1, 2, 10, 9, 4, 8])
-    evidence: Any = SimpleNamespace(grid=SimpleNamespace(orders=orders))
-    held = last_trials(evidence)
-    assert orders[held.trials].tolist() == [10, 9]
-    assert held.text == "the last 2 of 7 trials"

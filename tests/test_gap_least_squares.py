@@ -134,9 +134,6 @@ def test_a_size_that_its_bound_holds_is_integrated_too(size: float) -> None:
     assert weighed(problem, z) == pytest.approx(with_half_a_prior(problem), abs=0.05)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="a held parameter's slope and curvature are not cleared of the nuisances"
-)
 def test_a_size_that_its_bound_holds_is_integrated_beside_a_nuisance_like_it() -> None:
     problem = Line(-0.1, low=0.0)
     problem.own[:, 1] = 0.8 * problem.j[:, 2] + 0.6 * problem.own[:, 1]

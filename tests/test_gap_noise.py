@@ -57,7 +57,7 @@ def test_correlations_of_averages_are_those_of_their_samples(lengths: list[int])
 
 def test_a_whitener_makes_noise_white_and_knows_its_determinant() -> None:
     middle, width, count = steps([1, 1, 2, 4, 8, 8, 8])
-    covariance = Spectrum(0.04, np.full(5, 0.1)).covariance(middle, width, count)
+    covariance = Spectrum(0.04, np.full(CORRELATION_S.size, 0.1)).covariance(middle, width, count)
     w = whitener(covariance)
     np.testing.assert_allclose(w @ covariance @ w.T, np.eye(7), atol=1e-10)
     assert np.allclose(w, np.tril(w))
@@ -188,7 +188,7 @@ def test_angles_that_were_held_once_say_nothing_of_their_error() -> None:
 
 def test_what_the_bench_adds_is_said_where_trials_were_repeated() -> None:
     own = Scatter(gain=0.015, rest_deg=0.2, time_scale=0.02)
-    noise = Spectrum(0.0, np.array([0.0, 0.0, 0.0625, 0.0, 0.0]), 12)
+    noise = Spectrum(0.0, np.array([0.0, 0.0, 0.0625, 0.0, 0.0, 0.0]), 12)
     said = BenchNoise(noise, own, 0.2).sentence()
     assert "noise of 0.25°, correlated over about 1 s" in said
     assert "1.5 % in gain, 0.2° at rest, 2 % in time scale" in said

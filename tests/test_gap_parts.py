@@ -1,11 +1,8 @@
-"""Parts of the diagnosis by themselves: the floor, folds, places, intervals, signs."""
+"""Parts of the diagnosis by themselves: the floor, places, coefficients, intervals."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,20 +11,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
+from scipy.stats import t as student_t
 
 import campaigns
 import naive_plant
 from spa_fo import step_response
 from spa_fo.gap import claim
 from spa_fo.gap.evidence import Evidence, collect, curve_columns
-from spa_fo.gap.explain import paced, to_x, to_z
 from spa_fo.gap.floor import noise_floor
-from spa_fo.gap.hold_out import HeldOut
-from spa_fo.gap.intervals import _interval, _of_shift, _of_slip
+from spa_fo.gap.intervals import _interval, _of_shift, _of_zeros
 from spa_fo.gap.locate import shares
-from spa_fo.gap.unknown import _CERTAIN, WEIGHTS, _trend, signs
-from spa_fo.plant import Model, TransferFunction
-from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, IDS
+from spa_fo.gap.searched import paced, to_x, to_z
+from spa_fo.plant.effects.library import CURVE_KNOTS_DEG
 from spa_fo.rig import read_campaign, read_trials
 
 TRUTH = np.array(list(campaigns.TRUTH.values()))
@@ -55,7 +50,7 @@ def repeated(values: np.ndarray, noise_deg: float, groups: list[int] | None = No
         ),
         noise_deg=noise_deg,
         rows=np.arange(values.size).reshape(trials, samples),
-        support_index=[np.array([g]) for g in groups or [0] * trials],
+        alike=np.array(groups or [0] * trials),
     )
 
 
@@ -80,33 +75,11 @@ def test_without_repeats_the_noise_of_samples_is_the_floor() -> None:
 # --- claims ---------------------------------------------------------------------------------------
 
 
-def test_each_trial_is_predicted_by_the_fit_that_left_it_out() -> None:
-    trial = np.repeat(np.arange(5), 3)
-    folds = [np.array([False, k == 1, k == 2, k == 1, False]) for k in (1, 2)]
-    evidence: Any = SimpleNamespace(grid=SimpleNamespace(sample_trial=trial))
-    curves = [np.full(15, 1.0), np.full(15, 2.0)]
-    by_trial = claim._assembled(curves, folds, evidence).reshape(5, 3)
-    assert by_trial.tolist() == [[value] * 3 for value in (1.0, 1.0, 2.0, 1.0, 1.0)]
-
-
-def test_the_protocol_least_like_steps_is_left_out() -> None:
-    trials = [
-        SimpleNamespace(experiment=name, protocol=protocol)
-        for name, protocol in (("a", "step"), ("b", "triangle"), ("c", "hold"), ("b", "triangle"))
-    ]
-    evidence: Any = SimpleNamespace(grid=SimpleNamespace(trials=trials))
-    held = claim._least_alike(evidence)
-    assert held == HeldOut(held.trials, "b: 2 trials")  # type: ignore[union-attr]
-    assert held.trials.tolist() == [False, True, False, True]  # type: ignore[union-attr]
-    evidence.grid.trials = trials[:1]
-    assert claim._least_alike(evidence) is None
-
-
 def test_an_interference_is_no_part_of_the_scatter(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(claim, "noise_floor", lambda *_: 1.0)
     waves = {None: 0.8, (1.0, 0.8): np.sqrt(0.8**2 - 0.32), (1.0, 5.0): 0.08}
-    for pickup, left in waves.items():
-        chosen: Any = SimpleNamespace(pickup=pickup)
+    for line, left in waves.items():
+        chosen: Any = SimpleNamespace(line=line)
         assert claim._scatter(None, chosen, None, 0.8) == pytest.approx(left)  # type: ignore[arg-type]
 
 
@@ -199,7 +172,7 @@ def test_the_error_of_b0_is_that_of_gain_and_a0_together() -> None:
     spread = covariance(7)
     absolute: dict[Any, float] = {}
     relative: dict[Any, float] = {}
-    _of_shift(TRUTH, spread, absolute, relative)
+    _of_shift("parameter_shift", TRUTH, spread, absolute, relative)
     draws = np.random.default_rng(3).multivariate_normal(np.zeros(7), spread, 200_000)
     assert relative["parameter_shift", "b0"] == pytest.approx(
         np.std(draws[:, 3] + draws[:, 4]), rel=0.02
@@ -210,95 +183,12 @@ def test_the_error_of_b0_is_that_of_gain_and_a0_together() -> None:
     )
 
 
-def test_the_errors_of_a_slip_are_those_of_its_zeros() -> None:
-    """By drawing walks and steps, adding them up, and laying a line through the zeros."""
-    orders = np.array([1, 2, 4, 5])
-    fit: Any = SimpleNamespace(searched=np.zeros(5), curve_deg=np.zeros(2))
-    spread = covariance(5 + 2 + 1 + 1 + orders.size)
+def test_the_errors_of_a_slip_are_what_its_zeros_scatter_about_a_line_by() -> None:
+    orders = np.arange(1, 13)
+    zeros = 0.3 * orders + np.random.default_rng(5).normal(0.0, 0.2, 12)
     absolute: dict[Any, float] = {}
-    _of_slip(fit, spread, orders, absolute)
-    draws = np.random.default_rng(5).multivariate_normal(np.zeros(spread.shape[0]), spread, 200_000)
-    walk, own = draws[:, 8], draws[:, 9:]
-    zeros = np.array([walk * (o - 1) + own[:, : i + 1].sum(axis=1) for i, o in enumerate(orders)])
-    slopes = np.polyfit(orders, zeros, 1)[0]
-    assert absolute["sensor_slip", "zero_deg"] == pytest.approx(np.std(zeros[0]), rel=0.02)
-    assert absolute["sensor_slip", "walk_deg"] == pytest.approx(np.std(slopes), rel=0.02)
-
-
-# --- the answer -----------------------------------------------------------------------------------
-
-
-def test_the_p_value_is_the_bound_by_the_bayes_factor() -> None:
-    module = importlib.import_module("spa_fo.gap.diagnose")
-    every = [
-        SimpleNamespace(named=("creep",), probability=0.99),
-        SimpleNamespace(named=(), probability=0.01),
-    ]
-    found = module._verdict(every, 0.0)
-    assert found.kind == "cause"
-    assert found.p_value == pytest.approx(0.01 / 0.99 / (0.3 / 0.7))
-
-
-@pytest.mark.parametrize(("closed", "stands"), [(0.79, False), (0.81, True)])
-def test_an_unknown_cause_claims_only_what_closes_most_of_the_gap(
-    closed: float, stands: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    module = importlib.import_module("spa_fo.gap.diagnose")
-    judged, shrunk = module._verdict, claim.shrink
-    monkeypatch.setattr(module, "_verdict", lambda scored, _: judged(scored, 0.9))
-    monkeypatch.setattr(
-        claim, "shrink", lambda *given: replace(shrunk(*given), fraction_closed=closed)
-    )
-    folder = tmp_path / "steps"
-    campaigns.step_campaign(folder, trials=3)
-    found = module.diagnose(read_trials(read_campaign(folder)), softer(), excluded=FEW)
-    assert found.kind == "unknown"
-    assert (found.shrink is not None) is stands
-    assert bool(found.sets) is stands
-    assert bool(found.model.effects) is stands
-
-
-FEW = tuple(name for name in IDS if name not in ("parameter_shift", "stiffening"))
-
-
-def softer() -> Model:
-    x = TransferFunction.from_array(TRUTH * np.array([1.0, 1.0, 1.0, 1.0, 1.1]))
-    return Model("another", "rubber", x, campaigns.REFERENCE_KPA)
-
-
-# --- signs of an unknown cause --------------------------------------------------------------------
-
-
-def test_every_sign_has_a_weight_and_helpers_count_by_their_size(steps: Evidence) -> None:
-    module = importlib.import_module("spa_fo.gap.diagnose")
-    found = module.examine(steps.data, softer(), FEW, np.random.default_rng(1))
-    best = found.scored[0]
-
-    def of(**moved: float) -> dict[str, float]:
-        changed = replace(best, named=tuple(moved), moved_deg=moved)
-        return signs(changed, found.candidates, found.floor_deg)
-
-    assert set(of(creep=1.0)) == set(WEIGHTS.by_sign)
-    assert of(creep=1.0)["helper"] == pytest.approx(0.0)
-    assert of(creep=1.0, leak=0.2)["helper"] == pytest.approx(np.log(5.0))
-    assert of(creep=1.0, leak=0.2, hysteresis=0.1)["helper"] == pytest.approx(0.0)
-
-
-def test_a_trend_of_the_trials_counts_by_its_error() -> None:
-    orders = np.arange(1.0, 13.0)
-    rest = 0.3 * orders + np.random.default_rng(6).normal(0.0, 0.2, 12)
-    (slope, _), spread = np.polyfit(orders, rest, 1, cov=True)
-    certain = slope / np.sqrt(spread[0, 0]) / _CERTAIN
-
-    def trend(ids: tuple[str, ...], trials: int) -> float:
-        fit = SimpleNamespace(trial_effects=np.column_stack([np.zeros(12), rest, np.zeros(12)]))
-        scored: Any = SimpleNamespace(explanation=SimpleNamespace(fit=fit, ids=ids))
-        evidence = SimpleNamespace(
-            takes_part=np.arange(12) < trials,
-            grid=SimpleNamespace(orders=orders.astype(np.int64), angle_deg=np.full(12, 40.0)),
-        )
-        return _trend(scored, SimpleNamespace(evidence=evidence), 0.5)  # type: ignore[arg-type]
-
-    assert trend(("creep",), 12) == pytest.approx(certain, rel=1e-6)
-    assert trend(("sensor_slip",), 12) == 0.0
-    assert trend(("creep",), 7) == 0.0
+    _of_zeros("sensor_slip", zeros, orders, absolute)
+    _, spread = np.polyfit(orders, zeros, 1, cov=True)
+    wider = student_t.ppf(0.975, 10) / 1.96
+    assert absolute["sensor_slip", "walk_deg"] == pytest.approx(np.sqrt(spread[0, 0]) * wider)
+    assert absolute["sensor_slip", "zero_deg"] == pytest.approx(0.2 * wider, rel=0.4)

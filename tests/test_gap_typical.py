@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from spa_fo.fractional import step_response
-from spa_fo.gap.explain import paced
+from spa_fo.gap.searched import paced
 from spa_fo.gap.typical import typical
 from spa_fo.plant.paper import TABLE_I
 

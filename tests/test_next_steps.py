@@ -37,7 +37,7 @@ def campaign(
         has_pressure=pressure,
         data=SimpleNamespace(calibrations=[None] * calibrations),
         fixture=object() if calibrations else None,
-        support_index=[np.array([places[name]]) for name in order],
+        alike=np.array([places[name] for name in order]),
     )
 
 

@@ -21,10 +21,10 @@ import campaigns
 from plant_cases import KPA, X, campaign_data, parameters, trials, triangle
 from spa_fo.cli import main
 from spa_fo.errors import BadInput
+from spa_fo.gap.bench_noise import TYPICAL
 from spa_fo.gap.diagnosis import Cause
 from spa_fo.gap.evidence import collect, curve_columns
-from spa_fo.gap.explain import COEFFICIENT_SPREAD, SCALES, TIMING_S, paced, to_x, to_z
-from spa_fo.gap.foresight import Bench, Foresight
+from spa_fo.gap.foresight import _SPREAD, Bench, Foresight
 from spa_fo.gap.next_steps import next_steps
 from spa_fo.gap.plan import SEPARABLE, advise, plan, plan_few, recommendation, runs, table
 from spa_fo.gap.profiles import (
@@ -40,6 +40,8 @@ from spa_fo.gap.profiles import (
 )
 from spa_fo.gap.remedies import remedies, twins
 from spa_fo.gap.rivals import Rival, Standing, read_standing, rival
+from spa_fo.gap.searched import paced, to_x, to_z
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
 from spa_fo.plant.chain import chain_for
 from spa_fo.plant.effects.library import IDS, LIBRARY, absent
@@ -185,8 +187,10 @@ def slow_cost(grid: CampaignGrid, refit: Rival, truth: Rival) -> float:
     for i in range(len(grid.trials)):
         rows = grid.sample_trial == i
         late[rows] = -np.gradient(y0[rows], grid.time_s[rows])
-    shared = np.column_stack([late, curve_columns(y0)]) * np.append(TIMING_S, CURVE_DEG)
-    spread = np.append(COEFFICIENT_SPREAD["free"], LIBRARY[refit.ids[0]].parameters[0].spread)
+    shared = np.column_stack([late, curve_columns(y0)]) * np.append(
+        SETTINGS.angle_late_s, CURVE_DEG
+    )
+    spread = np.append(_SPREAD, LIBRARY[refit.ids[0]].parameters[0].spread)
     weight = np.sqrt(seconds(grid) / 0.5)
 
     def residuals(v: np.ndarray) -> np.ndarray:
@@ -196,7 +200,11 @@ def slow_cost(grid: CampaignGrid, refit: Rival, truth: Rival) -> float:
         e[place] = z[5]
         y, _ = chain.run(to_x(z[:5]), e)
         y = y + shared @ nuisances
-        scatter = own * SCALES[:3] * each.reshape(-1, 3)[grid.sample_trial]
+        scatter = (
+            own
+            * [TYPICAL.gain, TYPICAL.rest_deg, TYPICAL.time_scale]
+            * each.reshape(-1, 3)[grid.sample_trial]
+        )
         missed = (measured - y - scatter.sum(axis=1)) / FLOOR_DEG
         return np.concatenate([missed * weight, v])
 

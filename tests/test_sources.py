@@ -25,8 +25,6 @@ def test_a_module_imported_as_a_name_counts(tmp_path: Path) -> None:
 def test_data_files_beside_a_module_count(tmp_path: Path) -> None:
     files = imported_files(script(tmp_path, "import spa_fo.rig.campaign\n"))
     assert PACKAGE / "rig" / "campaign.schema.yaml" in files
-    learned = imported_files(script(tmp_path, "import spa_fo.gap.unknown\n"))
-    assert PACKAGE / "gap" / "unknown_weights.json" in learned
 
 
 def test_the_benchmark_beside_the_package_counts(tmp_path: Path) -> None:

@@ -149,8 +149,7 @@ def _identified_again(found: Explanations) -> Fitted:
     name = at_port("coefficients")
     if found.bench.own or name is None:
         return found.plain
-    known = found.fits.get((name,))
-    return known if known is not None else fit(found.bench, (name,), [found.plain.z], found.plain)
+    return found.fits[(name,)]
 
 
 def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:

@@ -156,6 +156,10 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
     for ids, f in found.fits.items():
         if not np.isfinite(f.logs).all():
             continue
+        if set(ids) & set(found.excluded):
+            beyond = s.temper * float(f.logs.max()) + _STANDS_IN
+            parts.append(_Part(ids, -np.inf, np.array([beyond]), f, {}, 0.0))
+            continue
         named = _that_move(f.moved_deg, floor_deg)
         if len(ids) > 1:
             least = max(s.needed * floor_deg, s.needed_of_all * min(apart(f, ()), 1e6))
@@ -175,12 +179,10 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
     return parts
 
 
-def _of_drive(
-    drive: Drive | None, evidence: Evidence, per_kpa_deg: float, floor_deg: float
-) -> list[_Part]:
+def _of_drive(drive: Drive | None, evidence: Evidence, floor_deg: float) -> list[_Part]:
     if drive is None:
         return []
-    gap_deg = per_kpa_deg * drive.gap_kpa
+    gap_deg, per_kpa_deg = drive.gap_deg, drive.per_kpa_deg
     s, parts = SETTINGS, []
 
     def apart(one: DriveFit, other: Floats) -> float:
@@ -232,10 +234,12 @@ def _normalised(
             small = np.append(negligible, np.zeros(stands_in.size - negligible.size, dtype=bool))
             right = float(logsumexp([right, *stands_in[small]]))
             stands_in = np.where(small, -np.inf, stands_in)
+        unknown.append(float(logsumexp(stands_in)))
+        if not np.isfinite(right):
+            continue  # the library lacks it
         if part.named not in best or part.right > best[part.named].right:
             best[part.named] = part
         scores[part.named] = float(np.logaddexp(scores.get(part.named, -np.inf), right))
-        unknown.append(float(logsumexp(stands_in)))
     # What stands in for an unknown effect is no hypothesis of its own: the best is enough.
     all_logs = np.array([*scores.values(), max(unknown)])
     weights = np.exp(all_logs - all_logs.max())
@@ -248,7 +252,6 @@ def decide(
     drive: Drive | None,
     fast: Line,
     evidence: Evidence,
-    per_kpa_deg: float,
     floor_deg: float,
 ) -> Verdict:
     """Decide.
@@ -263,16 +266,14 @@ def decide(
         An interference that only single samples show.
     evidence : Evidence
         The campaign.
-    per_kpa_deg : float
-        Static gain of the given model.
     floor_deg : float
         The noise floor.
     """
     angle, of_angle, unknown_angle = _normalised(
         _of_angle(found, floor_deg), found.bench.gap_deg, floor_deg
     )
-    gap_deg = 0.0 if drive is None else per_kpa_deg * drive.gap_kpa
-    parts = _of_drive(drive, evidence, per_kpa_deg, floor_deg)
+    gap_deg = 0.0 if drive is None else drive.gap_deg
+    parts = _of_drive(drive, evidence, floor_deg)
     if gap_deg < SETTINGS.moves * floor_deg:
         parts = [p for p in parts if not p.named]
         parts = [_Part((), p.right, np.full(_SHARES.size, -np.inf), *_rest(p)) for p in parts]

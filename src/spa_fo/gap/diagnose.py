@@ -289,9 +289,8 @@ def examine(
     held = hold_out(everything, rng)
     evidence = replace(everything, takes_part=~held.trials)
     given = plain.transfer_function.as_array()
-    per_kpa_deg = float(np.degrees(given[4] / given[3])) / plain.reference_kpa
     progress(f"explaining {evidence.takes_part.sum()} trials")
-    drive = examine_drive(evidence, excluded, per_kpa_deg) if evidence.has_pressure else None
+    drive = examine_drive(evidence, excluded, given) if evidence.has_pressure else None
     own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
     bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa)
     floor = noise_floor(everything)
@@ -301,7 +300,7 @@ def examine(
     progress(f"weighing {len(found.fits)} explanations")
     line = at_port("line")
     fast = NONE if line in excluded else fast_line(evidence)
-    verdict = decide(found, drive, fast, evidence, per_kpa_deg, floor)
+    verdict = decide(found, drive, fast, evidence, floor)
     return Examined(data, everything, held, given, excluded, drive, found, verdict, floor)
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.bench import SHARES, local_size, rows_of
-from spa_fo.gap.evidence import Evidence
+from spa_fo.gap.evidence import Evidence, angle_chain
 from spa_fo.gap.noise import CORRELATION_S, Spectrum
 from spa_fo.gap.pressure import PressureProblem, blur, resolution, starts
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 from spa_fo.gap.whitening import Rows, Whitening
-from spa_fo.plant.effects.library import LIBRARY, ordered
+from spa_fo.plant.effects.library import LIBRARY, absent, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -79,15 +79,21 @@ class Drive:
     ----------
     fits : dict
         By effects; none is the command itself.
-    gap_kpa : float
-        RMS of what the command misses, noise taken off.
     pressure_kpa : (cells,) array
         The true pressure as far as it is known.
+    gap_kpa, gap_deg : float
+        RMS of what the command misses of it, and of what that moves the given model's angle by.
     """
 
     fits: dict[Ids, DriveFit]
-    gap_kpa: float
     pressure_kpa: Floats
+    gap_kpa: float
+    gap_deg: float
+
+    @property
+    def per_kpa_deg(self) -> float:
+        """By how much a kPa of this kind moves the angle, deg."""
+        return self.gap_deg / max(self.gap_kpa, 1e-9)
 
     @property
     def best(self) -> DriveFit:
@@ -95,7 +101,7 @@ class Drive:
         return max(self.fits.values(), key=lambda fit: float(fit.evidence.max()))
 
 
-def examine_drive(evidence: Evidence, excluded: Sequence[str], per_kpa_deg: float) -> Drive:
+def examine_drive(evidence: Evidence, excluded: Sequence[str], x: Floats) -> Drive:
     """Explain the measured pressure: no effect, every single one, and pairs of the best.
 
     Parameters
@@ -104,10 +110,9 @@ def examine_drive(evidence: Evidence, excluded: Sequence[str], per_kpa_deg: floa
         The campaign, with command and pressure.
     excluded : sequence of str
         Effects that the library is to lack.
-    per_kpa_deg : float
-        Static gain of the given model.
+    x : (5,) array
+        Coefficients of the given model: they say what a missed pressure does to the angle.
     """
-    grid = evidence.grid
     step = resolution(evidence)
     fixed = (_BLUR * blur(evidence)) ** 2 + step**2 / 12.0 + _BINNING_KPA**2
     rows = rows_of(evidence, fixed)
@@ -115,12 +120,12 @@ def examine_drive(evidence: Evidence, excluded: Sequence[str], per_kpa_deg: floa
     bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
     squares = _beyond_noise(rows, spectrum.white, bare.left(np.zeros(0)))
     size = local_size(rows, squares)
-    gap_kpa = float(np.sqrt(max(float(squares.mean()), 0.0)))
     whitening = Whitening(rows, spectrum, size)
     for share in (*SHARES, SETTINGS.search_share):
         whitening.factor(1.0, share)
     fits: dict[Ids, DriveFit] = {(): _fit(PressureProblem(evidence, whitening, ()), [np.zeros(0)])}
-    if per_kpa_deg * gap_kpa > _NOTHING_DEG:
+    room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa
+    if _drive_of(evidence, fits, room, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
 
         def alone(name: str) -> DriveFit:
@@ -138,11 +143,28 @@ def examine_drive(evidence: Evidence, excluded: Sequence[str], per_kpa_deg: floa
 
         for fit in each(together, pairs):
             fits[fit.ids] = fit
+    return _drive_of(evidence, fits, room, x)
+
+
+def _drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], room_kpa: float, x: Floats) -> Drive:
+    """Take the best fit where the sensor agrees with it, within some room, else the sensor."""
+    grid = evidence.grid
     best = max(fits.values(), key=lambda fit: float(fit.evidence.max()))
     assert grid.pressure_kpa is not None
+    assert grid.command_kpa is not None
     measured = (grid.pressure_kpa - best.sensor[0]) / (1.0 + best.sensor[1])
-    room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa
-    return Drive(fits, gap_kpa, np.clip(best.cells_kpa, measured - room, measured + room))
+    true_kpa = np.clip(best.cells_kpa, measured - room_kpa, measured + room_kpa)
+    driven, commanded = (
+        angle_chain(evidence, x, kpa).run(x, absent())[0] for kpa in (true_kpa, None)
+    )
+    change = (driven - commanded)[evidence.used]
+    weight = grid.counts[evidence.used]
+    return Drive(
+        fits=fits,
+        pressure_kpa=true_kpa,
+        gap_kpa=float(np.sqrt(np.mean((true_kpa - grid.command_kpa) ** 2))),
+        gap_deg=float(np.sqrt(np.average(change**2, weights=weight))),
+    )
 
 
 def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:

@@ -154,7 +154,8 @@ def slow_line(
         gains = np.sum(0.5 * q * kappa / (1.0 + kappa) - np.log1p(kappa), axis=0)
         at = int(np.argmax(gains))
         gain = float(gains[at]) - float(np.log(tried.size * 4.0))
-        if gain > best.gain:
+        # At the slowest frequency it may be the foot of a slower wave.
+        if at > 0 and gain > best.gain:
             best = Line(float(tried[at]), float(amplitude), gain)
     return best
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student_t
 
 from spa_fo.gap.explanation import Explanation
 from spa_fo.plant.effects.library import LIBRARY, at_port
@@ -15,7 +16,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Errors = dict[tuple[str, str], float]
 
-_WIDTH = 1.96
+_WIDTH, _LOW = 1.96, 0.025
 
 
 def with_intervals(
@@ -105,6 +106,7 @@ def _of_zeros(name: str, zeros: Floats, orders: Integers, absolute: Errors) -> N
     square = float(centred @ centred)
     left = zeros - zeros.mean() - centred * float(centred @ zeros) / square
     scatter = float(np.sqrt(left @ left / (orders.size - 2)))
+    scatter *= float(student_t.ppf(_LOW, orders.size - 2)) / -_WIDTH  # few trials
     walk, zero = LIBRARY[name].parameters
     absolute[(name, walk.name)] = scatter / float(np.sqrt(square))
     absolute[(name, zero.name)] = scatter

@@ -210,7 +210,9 @@ class Explained(ABC):
         free = np.flatnonzero(~held)
         moved[free] = solution.coefficients[: free.size]
         top = z + self.root @ moved
-        total = solution.log_evidence + self._of_bounds(z, top, held, gram, solution, free)
+        total = solution.log_evidence + self._of_bounds(
+            z, top, held, use, gram[1:, 1:], gram[1:, 0], solution
+        )
         return total, solution, top
 
     def errors(self, linear: Linear, factor: Factor, variances: Floats | None = None) -> Floats:
@@ -232,28 +234,31 @@ class Explained(ABC):
         z: Floats,
         top: Floats,
         held: NDArray[np.bool_],
-        gram: Floats,
+        use: NDArray[np.bool_],
+        matrix: Floats,
+        vector: Floats,
         solution: Solution,
-        free: Integers,
     ) -> float:
         """Say what bounds change of the evidence: a prior cut there is larger inside."""
         if self.parameters == self.free:
             return 0.0
         total = 0.0
-        covariance = solution.covariance()[: free.size, : free.size]
+        covariance = solution.covariance()
+        free = np.flatnonzero(use)
         for k in range(self.free, self.parameters):
             sd = float(self.sd[k - self.free])
             low = (self.low[k] - self.centre[k]) / sd
             high = (self.high[k] - self.centre[k]) / sd
             total -= float(np.log(max(_between(low, high), 1e-12)))
             if held[k]:
-                # Along the parameter alone: a one-sided Gaussian integral.
-                curvature = (gram[1 + k, 1 + k] + 1.0) / sd**2
-                away = (z[k] - self.centre[k]) / sd**2
-                slope = abs(away - gram[1 + k, 0] / sd)
+                # A one-sided Gaussian integral, in units of its prior, all others following.
+                away = (z[k] - self.centre[k]) / sd
+                beside = matrix[k, use]
+                curvature = matrix[k, k] + 1.0 - float(beside @ covariance @ beside)
+                slope = abs(away - vector[k] + float(beside @ solution.coefficients))
                 total += float(
-                    -np.log(np.sqrt(2.0 * np.pi) * sd)
-                    - 0.5 * ((z[k] - self.centre[k]) / sd) ** 2
+                    -0.5 * np.log(2.0 * np.pi)
+                    - 0.5 * away**2
                     + 0.5 * np.log(np.pi / (2.0 * curvature))
                     + np.log(erfcx(slope / np.sqrt(2.0 * curvature)))
                 )

@@ -17,22 +17,23 @@ from spa_fo.gap.searched import Slot
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.whitening import Factor, Whitening
 from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_BLUR_CELLS = 3
-
 
 def blur(evidence: Evidence) -> Floats:
-    """Change of command and pressure about each averaged sample, (n,), kPa."""
+    """Change of command and pressure about each averaged sample, (n,), kPa: within one row."""
     grid = evidence.grid
+    interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in grid.trials])))
+    reach = max(1, round(interval / FINEST_STEP_S))
     at = grid.first_cell[grid.sample_step] + grid.cells[grid.sample_step] // 2
     total = np.zeros(at.size)
     for cells in (grid.pressure_kpa, grid.command_kpa):
         assert cells is not None
-        after = np.minimum(at + _BLUR_CELLS, cells.size - 1)
-        before = np.maximum(at - _BLUR_CELLS, 0)
+        after = np.minimum(at + reach, cells.size - 1)
+        before = np.maximum(at - reach, 0)
         total += np.abs(cells[after] - cells[before])
     return total
 

@@ -120,11 +120,15 @@ class Explanations:
         By effects.
     line : Line
         Of the averaged samples.
+    excluded : tuple of str
+        Effects that the library was to lack. The plain model identified again is fitted all the
+        same: what it does better is then unknown.
     """
 
     bench: Bench
     fits: dict[Ids, Fitted]
     line: Line
+    excluded: Ids = ()
 
     @property
     def plain(self) -> Fitted:
@@ -370,11 +374,15 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     bench = _gap_known(bench)
     plain = fit(bench, (), bench.starts)
     linear, chained = _to_try(bench, excluded)
+    again = at_port("coefficients", excluded)
     shown = screen(bench, plain, chained)
     alone = [((n,), [plain.z]) for n in linear]
     alone += [((n,), _points(shown, n)) for n in _first(shown, _SINGLES)]
+    if again is not None and not bench.own:
+        alone.append(((again,), [plain.z]))
     fits = {(): plain} | {f.ids: f for f in each(lambda a: fit(bench, a[0], a[1], plain), alone)}
-    hosts = sorted((f for f in fits.values() if f.ids), key=lambda f: -f.quick)[:_HOSTS]
+    allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
+    hosts = sorted(allowed, key=lambda f: -f.quick)[:_HOSTS]
     beside: dict[Ids, list[Floats]] = {}
     for host, more in zip(hosts, each(lambda h: screen(bench, h, chained), hosts), strict=True):
         for name in _first(more, _BESIDE):
@@ -389,7 +397,7 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     near = [f for f in fits.values() if f.quick > best - _WORTH_WEIGHING or not f.ids]
     for f in each(lambda f: weighed(bench, f), near):
         fits[f.ids] = f
-    return Explanations(bench, fits, line)
+    return Explanations(bench, fits, line, tuple(excluded))
 
 
 def _gap_known(bench: Bench) -> Bench:
@@ -425,7 +433,8 @@ def _with_line(
     name = at_port("line")
     if name is None or name in excluded:
         return bench, fits, NONE
-    best = weighed(bench, max(fits.values(), key=lambda f: f.quick))
+    allowed = [f for f in fits.values() if not set(f.ids) & set(excluded)]
+    best = weighed(bench, max(allowed, key=lambda f: f.quick))
     share = SHARES[int(np.argmax(best.logs))]
     problem = AngleProblem(bench, best.ids, best.changed)
     factor = bench.whitening.factor(best.level, min(share, SHARES[3]))
@@ -438,7 +447,7 @@ def _with_line(
     scales = bench.scales.copy()
     scales[LINE] = line.amplitude_deg / np.sqrt(2.0)
     bench = replace(bench, line=line.frequency_hz, scales=scales)
-    hosts = [f for f in fits.values() if len(f.ids) < 2 or f.ids == best.ids]
+    hosts = [f for f in allowed if len(f.ids) < 2 or f.ids == best.ids]
     waved = each(
         lambda f: fit(bench, ordered((*f.ids, name)), [f.z], fits[()]),
         hosts,

@@ -103,7 +103,9 @@ class Settings:
     needed: float = _number(
         0.2, "noise floors", "learned", "a member without which the others do as well is none"
     )
-    needed_of_all: float = _number(0.1, "of what the set moves", "learned", "the same")
+    needed_of_all: float = _number(
+        0.1, "of what the set moves", "learned", "the same for large ones"
+    )
     left: float = _number(
         0.3, "noise floors", "learned", "structure that is left and smaller is no sign of anything"
     )

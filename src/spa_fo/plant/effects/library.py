@@ -54,7 +54,7 @@ class Effect:
     """One effect of the library and where its parameters stand in the vector of all.
 
     `port` says how an identification meets it: as parameters of the simulated chain, as other
-    coefficients, as an error of the sensor's curve, as a zero of every trial, or as a spectral line.
+    coefficients, as an error of the sensor's curve, as every trial's zero, or as a spectral line.
     """
 
     id: str
