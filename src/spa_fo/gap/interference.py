@@ -24,6 +24,7 @@ _ABOUT_HZ = 1.0  # to either side, of the background that a fast line stands out
 _FEWEST = 4  # samples of a step that say something about what is fast
 _FEWEST_FAST = 32  # such samples in all
 _FEWEST_CYCLES = 3.0  # within a trial: a slower wave may be any drift
+_LOWEST_CYCLES = 0.3
 _MOST_SLOW = 240  # frequencies that are tried
 _AMPLITUDES = np.geomspace(0.02, 30.0, 60)
 
@@ -127,8 +128,10 @@ def slow_line(
     slowest = _FEWEST_CYCLES / max(length, 1e-9)
     if slowest >= SLOWEST_FAST_HZ:
         return NONE
-    count = int(np.clip(np.ceil(3.0 * (SLOWEST_FAST_HZ - slowest) * length), 2, _MOST_SLOW))
-    tried = np.linspace(slowest, SLOWEST_FAST_HZ, count)
+    # Slower ones are tried as well: their feet would look like a line else.
+    lowest = _LOWEST_CYCLES / length
+    count = int(np.clip(np.ceil(3.0 * (SLOWEST_FAST_HZ - lowest) * length), 2, _MOST_SLOW))
+    tried = np.linspace(lowest, SLOWEST_FAST_HZ, count)
     residual = left - taken.T @ (taken @ left)
     pairs = []  # by frequency and trial: what a wave explains, and how much of it could be seen
     for g, lower in zip(rows.groups, factor.lower, strict=True):
@@ -154,10 +157,9 @@ def slow_line(
         gains = np.sum(0.5 * q * kappa / (1.0 + kappa) - np.log1p(kappa), axis=0)
         at = int(np.argmax(gains))
         gain = float(gains[at]) - float(np.log(tried.size * 4.0))
-        # At the slowest frequency it may be the foot of a slower wave.
-        if at > 0 and gain > best.gain:
+        if gain > best.gain:
             best = Line(float(tried[at]), float(amplitude), gain)
-    return best
+    return best if best.frequency_hz >= slowest else NONE
 
 
 def _solve(lower: Floats, values: Floats) -> Floats:
