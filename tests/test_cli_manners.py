@@ -22,7 +22,7 @@ from spa_fo.plant import Model, TransferFunction, read_model, write_model
 
 HEAVY = ("numpy", "numba", "scipy", "pandas", "matplotlib", "yaml", "jsonschema", "serial")
 # So that it is the kernels' work, or the report's, that is interrupted.
-WORK = "fitting explanations of the angle"
+WORK = "explaining "
 
 
 def model(path: Path, campaign: str = "steps", **extra: object) -> Path:
