@@ -313,9 +313,16 @@ def _driven_by_pressure(data: CampaignData) -> CampaignData:
 
 
 def _held_to(verdict: Verdict, claimed: Claim) -> Verdict:
-    """Take sets that close nothing on the held-out trials out of the answer."""
+    """Take sets that close nothing on the held-out trials out of the answer.
+
+    What they were probable by goes to an unknown cause.
+    """
     if not verdict.sets:
         return verdict
+    useless = {named for named in claimed.closed if not closes(claimed, named, SETTINGS.closes)}
+    lost = sum(s.probability for s in verdict.scored if s.named in useless)
+    scored = tuple(replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored)
+    verdict = replace(verdict, scored=scored, unknown=verdict.unknown + lost)
     least = SETTINGS.worth if verdict.kind == "unknown" else SETTINGS.closes
     sets = tuple(named for named in verdict.sets if closes(claimed, named, least))
     if verdict.kind == "unknown" or not sets:

@@ -127,7 +127,7 @@ def _droop(p: Floats, starts: Integers, fraction: float, recovery: float, slow: 
             fast_missing = quick * fast_missing + (1.0 - slow) * rise
             slow_missing = lazy * slow_missing + slow * rise
             missing = fast_missing + slow_missing
-            if missing > before:  # an empty chamber misses nothing
+            if missing > 0.0 and missing > before:  # an empty chamber misses nothing
                 share = max(before, 0.0) / missing
                 fast_missing *= share
                 slow_missing *= share
