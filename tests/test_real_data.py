@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -43,11 +44,13 @@ def test_the_soft_arm_has_a_gap(soft_arm: dict[str, Any]) -> None:
 
 
 def test_the_regulators_lag_is_found(soft_arm: dict[str, Any]) -> None:
-    """Known of the rig: the pressure reaches 63 % of a step in 0.35 to 0.8 s."""
+    """Known of the rig: the pressure reaches 63 % of a step in 0.35 to 0.8 s.
+
+    A lag is as much a line's as that of a regulator which slows as it comes near its setpoint.
+    """
     (finding,) = [text for text in soft_arm["findings"] if text.startswith("The measured pressure")]
-    assert "line_lag (time_constant_s 0." in finding
-    lag = float(finding.split("time_constant_s ")[1].split(",")[0])
-    assert 0.3 < lag < 0.8
+    late = re.findall(r"(?:time_constant_s|approach_s|delay_s) ([\d.e-]+\d)", finding)
+    assert 0.3 < sum(map(float, late)) < 0.8
     assert soft_arm["where"]["stage"]["drive"] > 0.2
 
 

@@ -1,4 +1,5 @@
 import re
+import shutil
 from pathlib import Path
 
 from spa_fo.atomic import TEMPORARY
@@ -31,8 +32,11 @@ BATCHES = [f"batch_{number:02d}" for number in range(CONFIG["blind"]["batches"])
 
 onstart:
     # What a killed run was writing; the lock says that nobody writes now.
-    for path in RESULTS.rglob(f"{TEMPORARY}*"):
-        path.unlink()
+    for path in list(RESULTS.rglob(f"{TEMPORARY}*")):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
 
 
 wildcard_constraints:
