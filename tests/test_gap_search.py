@@ -82,10 +82,6 @@ def test_a_screening_puts_it_first(lagged: Explanations) -> None:
     assert {s.name for s in beside} == {"creep"}  # what is there already is not looked for
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="some stop early, most of them where alpha1 meets alpha2, which is none of the bounds",
-)
 def test_every_fit_is_searched_to_the_end(lagged: Explanations) -> None:
     left = {ids: f.decrement for ids, f in lagged.fits.items() if f.decrement >= 0.01}
     assert left == {}
