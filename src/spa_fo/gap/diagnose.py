@@ -24,6 +24,7 @@ from spa_fo.gap.diagnosis import (
 from spa_fo.gap.drive import Drive, examine_drive
 from spa_fo.gap.evidence import Evidence, angle_chain, collect
 from spa_fo.gap.explanation import Explanation, augmented_model, explanation_of
+from spa_fo.gap.explanations import Explanations, explain
 from spa_fo.gap.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, rmse
@@ -31,7 +32,6 @@ from spa_fo.gap.interference import NONE, fast_line
 from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
 from spa_fo.gap.next_steps import in_words, next_steps
-from spa_fo.gap.search import Explanations, explain
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
