@@ -22,6 +22,7 @@ from spa_fo.gap.diagnosis import (
     write_diagnosis,
 )
 from spa_fo.gap.drive import Drive, examine_drive
+from spa_fo.gap.drive_by_angle import joined
 from spa_fo.gap.evidence import Evidence, angle_chain, collect
 from spa_fo.gap.explanation import Explanation, augmented_model, explanation_of
 from spa_fo.gap.explanations import Explanations, explain
@@ -297,6 +298,10 @@ def examine(
     if not bench.noise.spectrum.repeats:
         floor = bench.noise.floor_deg(everything.grid.angle_deg)
     found = explain(bench, excluded)
+    if drive is not None:
+        before, drive = drive, joined(drive, found)
+        if drive.best.ids != before.best.ids:
+            found = explain(bench_for(evidence, given, own, drive.pressure_kpa), excluded)
     progress(f"weighing {len(found.fits)} explanations")
     line = at_port("line")
     fast = NONE if line in excluded else fast_line(evidence)

@@ -65,7 +65,7 @@ class Settings:
     # --- the pressure ----------------------------------------------------------------------------
     pressure_offset_kpa: float = _number(0.4, "kPa", "assumed", "zero of a pressure sensor")
     pressure_gain: float = _number(0.004, "1", "assumed", "gain error of a pressure sensor")
-    pressure_late_s: float = _number(0.03, "s", "assumed", "lateness of a pressure channel")
+    pressure_lag_s: float = _number(0.03, "s", "assumed", "lag of a pressure sensor")
     angle_late_s: float = _number(0.006, "s", "assumed", "part of a sample that a row is late by")
     # --- what a form misses ----------------------------------------------------------------------
     search_share: float = _number(
