@@ -115,7 +115,7 @@ class Settings:
     line_nats: float = _number(5.0, "nat", "assumed", "an interference that is worth a fit")
     # --- the answer ------------------------------------------------------------------------------
     covered: float = _number(0.93, "probability", "learned", "that the sets named hold together")
-    least: float = _number(0.06, "probability", "learned", "below which a set is not listed")
+    least: float = _number(0.1, "probability", "learned", "below which a set is not listed")
     closes: float = _number(
         0.1, "of the gap", "assumed", "a set that closes less on held-out trials is no cause"
     )
