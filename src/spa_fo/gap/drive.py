@@ -30,6 +30,7 @@ _ENOUGH, _MOST_TRIED = 0.01, 40  # of a search
 _BEST_STARTS = 2
 # A jump that comes late by many cells does not say which way it should move.
 _DELAYS_S = tuple(np.geomspace(0.01, 1.5, 30).tolist())
+_QUICK_S = 0.01  # a sensor's lag that no actuator feels
 _NOTHING_DEG = 0.02  # what the drive misses, in degrees of a static actuator
 
 
@@ -140,7 +141,8 @@ def examine_drive(evidence: Evidence, excluded: Sequence[str], x: Floats) -> Dri
     fits[()] = _fit(nothing, starts(nothing, ()))
     cells = np.arange(int(evidence.grid.cell_starts[-1]))
     room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa + _BLUR * blur(evidence, cells)
-    if _drive_of(evidence, fits, room, x).gap_deg > _NOTHING_DEG:
+    late = fits[()].z[-1] > _QUICK_S  # which may be the drive's, as far as the pressure goes
+    if late or _drive_of(evidence, fits, room, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
 
         def alone(name: str) -> DriveFit:
