@@ -1,0 +1,285 @@
+"""Free-form laws: an unnamed relation at one place of the chain, given by its values at knots.
+
+Between the knots a law is a natural cubic spline, beyond them straight. Whatever it does in the
+actuator is told as the pressure that would do the same, so that it stands beside any effect:
+
+    u = (p + Δ(p) + m(θ) + r(θ') − Σ w_k ∫ e^{−(t−s)/τ_k} dθ) / reference.
+
+Laws that follow the motion make the load depend on the angle, which is solved by fixed point: the
+plant answers later than it is pushed, so that the rounds converge as they do for Volterra's
+equations (Brunner 2017, doi:10.1017/9781316162491).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from spa_fo._jit import njit
+from spa_fo.errors import BadInput
+from spa_fo.plant.memory import FINEST_STEP_S
+from spa_fo.validation import suggestion
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+LAW = "law"
+"""The id of a law in a model's list of effects."""
+
+_MOST_KNOTS = 200
+_ROUNDS = 200  # of the fixed point
+_SETTLED_DEG = 1e-6
+_RUN_AWAY_DEG = 1e5
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a law may sit.
+
+    Attributes
+    ----------
+    stage : str
+        Of the chain.
+    over, over_unit : str
+        What it is a function of.
+    gives, unit : str
+        What it adds.
+    """
+
+    stage: str
+    over: str
+    over_unit: str
+    gives: str
+    unit: str
+
+
+PLACES = {
+    "filling": Place(
+        "drive", "commanded less actual pressure", "kPa", "rate of the pressure", "kPa/s"
+    ),
+    "input_map": Place("actuator", "pressure", "kPa", "load, as pressure", "kPa"),
+    "moment": Place("actuator", "angle", "deg", "load by the angle, as pressure", "kPa"),
+    "damping": Place("actuator", "rate of the angle", "deg/s", "load by the rate", "kPa"),
+    "relaxation": Place("actuator", "relaxation time", "s", "stiffness that relaxes", "kPa/deg"),
+    "trial_gain": Place("actuator", "place in the campaign", "1", "gain of a trial", "1"),
+    "reading": Place("sensor", "angle", "deg", "error of the reading", "deg"),
+    "trial_rest": Place("sensor", "place in the campaign", "1", "rest angle of a trial", "deg"),
+}
+"""All places, in the order of the chain."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law at its place.
+
+    Attributes
+    ----------
+    place : str
+        One of `PLACES`.
+    knots, values : (k,) arrays
+        Where it is given, rising, and its values there.
+    """
+
+    place: str
+    knots: Floats
+    values: Floats
+
+    @property
+    def stage(self) -> str:
+        """The stage of the chain that it belongs to."""
+        return PLACES[self.place].stage
+
+    @property
+    def follows_motion(self) -> bool:
+        """Whether the load depends on the angle."""
+        return self.place in ("moment", "damping", "relaxation")
+
+    @cached_property
+    def _spline(self) -> tuple[CubicSpline, float, float]:
+        spline = CubicSpline(self.knots, self.values, bc_type="natural")
+        slope = spline.derivative()
+        return spline, float(slope(self.knots[0])), float(slope(self.knots[-1]))
+
+    def at(self, over: Floats) -> Floats:
+        """Value of the law, same shape."""
+        spline, low, high = self._spline
+        inside = np.clip(over, self.knots[0], self.knots[-1])
+        return np.asarray(spline(inside) + np.where(over < inside, low, high) * (over - inside))
+
+    def of_input(self, pressure_kpa: Floats, order: Floats) -> Floats:
+        """What it adds to the pressure of each step, kPa; `order` is the step's trial's."""
+        if self.place == "input_map":
+            return self.at(pressure_kpa)
+        if self.place == "trial_gain":
+            return self.at(order) * pressure_kpa
+        return np.zeros_like(pressure_kpa)
+
+    def of_motion(self, angle_deg: Floats, step_s: Floats) -> Floats:
+        """What it adds to the pressure of each step, kPa.
+
+        Parameters
+        ----------
+        angle_deg : (n,) array
+            True angle at the end of each step; 0 before the first.
+        step_s : (n,) array
+            Lengths of the steps.
+        """
+        before = np.concatenate([[0.0], angle_deg[:-1]])
+        if self.place == "moment":
+            return self.at(0.5 * (before + angle_deg))
+        if self.place == "damping":
+            return self.at((angle_deg - before) / step_s)
+        return np.asarray(-relaxing(angle_deg, step_s, self.knots) @ self.values)
+
+    def driven(self, command_kpa: Floats, starts: Integers) -> Floats:
+        """Pressure on the cells behind a drive whose filling follows the law, kPa."""
+        if self.place != "filling":
+            return command_kpa
+        fine = np.linspace(self.knots[0], self.knots[-1], 40 * self.knots.size)
+        return np.asarray(_filled(command_kpa, starts, fine, self.at(fine)))
+
+    def of_reading(self, angle_deg: Floats, order: Floats) -> Floats:
+        """What it adds to logged angles, deg; `order` is each sample's trial's."""
+        if self.place == "reading":
+            return self.at(angle_deg)
+        if self.place == "trial_rest":
+            return self.at(np.clip(order, self.knots[0], self.knots[-1]))
+        return np.zeros_like(angle_deg)
+
+    def settled(self, angles: Callable[[Floats], Floats], step_s: Floats) -> Floats:
+        """Solve for the angles that a law which follows the motion leaves, deg.
+
+        Parameters
+        ----------
+        angles : callable
+            True angles at the end of each step for what is added to the pressure, kPa.
+        step_s : (n,) array
+            Lengths of the steps.
+
+        Raises
+        ------
+        ValueError
+            The law is so steep that there is no such motion.
+        """
+        added = np.zeros(step_s.size)
+        angle = angles(added)
+        for _ in range(_ROUNDS):
+            again = angles(self.of_motion(angle, step_s))
+            change = float(np.max(np.abs(again - angle)))
+            angle = again
+            if change < _SETTLED_DEG:
+                return angle
+            if not change < _RUN_AWAY_DEG:
+                break
+        raise ValueError(f"the law at {self.place} is too steep: no motion agrees with it")
+
+    def to_effect(self) -> dict[str, Any]:
+        """Return the entry of a model's list of effects."""
+        return {
+            "id": LAW,
+            "stage": self.stage,
+            "place": self.place,
+            "parameters": {"knots": self.knots.tolist(), "values": self.values.tolist()},
+        }
+
+
+def law_of(effect: Mapping[str, Any], where: str, source: object) -> Law:
+    """Read an entry of a model's list of effects.
+
+    Raises
+    ------
+    BadInput
+        It is no law; the text names the key.
+    """
+
+    def refuse(key: str, expected: str) -> NoReturn:
+        raise BadInput(str(source), expected, f"{where}.{key}")
+
+    place, stage, parameters = effect.get("place"), effect["stage"], effect["parameters"]
+    if not isinstance(place, str) or place not in PLACES:
+        near = suggestion(place, list(PLACES)) if isinstance(place, str) else ""
+        refuse("place", f"expected one of {', '.join(PLACES)}, found {place!r}{near}")
+    if stage != PLACES[place].stage:
+        refuse("stage", f"is '{stage}', but {place} belongs to the {PLACES[place].stage}")
+    names = ("knots", "values")
+    for name in parameters:
+        if name not in names:
+            refuse(f"parameters.{name}", f"is no parameter of a law{suggestion(name, names)}")
+    for name in names:
+        if name not in parameters:
+            refuse(f"parameters.{name}", "missing, expected this key")
+    knots, values = (
+        _numbers(parameters[name], lambda text, name=name: refuse(f"parameters.{name}", text))
+        for name in names
+    )
+    if values.size != knots.size:
+        refuse("parameters.values", f"expected {knots.size} numbers, one a knot")
+    if not (np.diff(knots) > 0.0).all():
+        refuse("parameters.knots", "expected numbers that rise")
+    if place == "relaxation" and not (knots[0] > 0.0 and (values >= 0.0).all()):
+        refuse("parameters", "expected relaxation times above 0 and values that are not negative")
+    return Law(place, knots, values)
+
+
+def _numbers(given: Any, refuse: Callable[[str], NoReturn]) -> Floats:
+    if not isinstance(given, list) or not 2 <= len(given) <= _MOST_KNOTS:
+        refuse(f"expected a list of 2 to {_MOST_KNOTS} numbers")
+    for value in given:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            refuse(f"expected numbers, found {value!r}")
+        if not abs(value) < 1e9:
+            refuse(f"expected numbers below 1e9 in size, found {value!r}")
+    return np.array(given, dtype=np.float64)
+
+
+def relaxing(angle_deg: Floats, step_s: Floats, times_s: Floats) -> Floats:
+    """What is left of the changes of the angle, mean over each step, (n, k) for k times, deg."""
+    return np.asarray(_relaxing(angle_deg, step_s, times_s))
+
+
+@njit
+def _relaxing(angle: Floats, step: Floats, times: Floats) -> Floats:
+    """States of Maxwell elements, the angle straight within a step."""
+    out = np.empty((angle.size, times.size))
+    for k in range(times.size):
+        state, before = 0.0, 0.0
+        for i in range(angle.size):
+            ratio = step[i] / times[k]
+            lost = -math.expm1(-ratio)
+            rate = (angle[i] - before) / ratio
+            # z' = −z/τ + θ', its mean over the step: (∫ z = τ (Δθ − Δz))
+            after = state * (1.0 - lost) + rate * lost
+            out[i, k] = (angle[i] - before - after + state) / ratio
+            state, before = after, angle[i]
+    return out
+
+
+@njit
+def _filled(command: Floats, starts: Integers, over: Floats, rate: Floats) -> Floats:
+    """Pressure whose rate is a table over what the command is above it; Heun's rule."""
+    out = np.empty(command.size)
+    for trial in range(starts.size - 1):
+        p = 0.0
+        for i in range(starts[trial], starts[trial + 1]):
+            first = _looked_up(command[i] - p, over, rate)
+            there = p + FINEST_STEP_S * first
+            second = _looked_up(command[i] - there, over, rate)
+            after = p + 0.5 * FINEST_STEP_S * (first + second)
+            out[i] = 0.5 * (p + after)
+            p = after
+    return out
+
+
+@njit
+def _looked_up(at: float, over: Floats, values: Floats) -> float:
+    """Straight between the entries of an even table, and beyond them."""
+    step = over[1] - over[0]
+    k = min(max(int((at - over[0]) / step), 0), over.size - 2)
+    return values[k] + (values[k + 1] - values[k]) * (at - over[k]) / step
