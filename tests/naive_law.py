@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from spa_fo.plant.chain import Chain
@@ -50,7 +52,7 @@ def relaxing(angle: np.ndarray, step_s: np.ndarray, times_s: np.ndarray) -> np.n
 def filled(command: np.ndarray, starts: np.ndarray, law: Law) -> np.ndarray:
     """Pressure by Euler's rule with steps a hundred times as short, mean over each cell."""
     out = np.empty(command.size)
-    for first, end in zip(starts[:-1], starts[1:], strict=True):
+    for first, end in pairwise(starts):
         p = 0.0
         for i in range(first, end):
             total = 0.0

@@ -163,7 +163,7 @@ def without(key: str) -> dict[str, Any]:
         (changed(values=[0.0, 1.0]), r"parameters\.values: expected 3 numbers"),
         (changed(values=[0.0, "1", 2.0]), r"parameters\.values: expected numbers, found '1'"),
         (changed(values=[0.0, True, 2.0]), r"parameters\.values: expected numbers, found True"),
-        (changed(values=[0.0, 1e300, 2.0]), r"parameters\.values: expected numbers below"),
+        (changed(values=[0.0, 1e300, 2.0]), r"parameters\.values: expected numbers below 1e\+09"),
         (changed(values=7.0), r"parameters\.values: expected a list of 2 to"),
         (
             law("relaxation", -1.0).to_effect(),

@@ -46,8 +46,8 @@ def linear_part(
     """Sort a model's effects.
 
     Dead time and lag of the drive are exported exactly. Coefficients of a ``parameter_shift``
-    stand in G already. Sensor and log are not part of the actuator. Everything else, a free-form law
-    too, is not linear, or varies with time.
+    stand in G already. Sensor and log are not part of the actuator. Everything else, a free-form
+    law too, is not linear, or varies with time.
 
     Parameters
     ----------
@@ -67,7 +67,9 @@ def linear_part(
     vector, law = effects_vector(model, source), law_in(model, source)
     dead_time = 0.0
     lags: tuple[float, ...] = ()
-    included, left_out, measuring = [], [], []
+    included: list[str] = []
+    left_out: list[str] = []
+    measuring: list[str] = []
     for effect in model.effects:
         name = effect["id"]
         if name == LAW:

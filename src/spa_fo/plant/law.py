@@ -33,7 +33,7 @@ Integers = NDArray[np.int64]
 LAW = "law"
 """The id of a law in a model's list of effects."""
 
-_MOST_KNOTS = 200
+_MOST_KNOTS, _LARGEST = 200, 1e9
 _ROUNDS = 200  # of the fixed point
 _SETTLED_DEG = 1e-6
 _RUN_AWAY_DEG = 1e5
@@ -114,7 +114,7 @@ class Law:
         return np.asarray(spline(inside) + np.where(over < inside, low, high) * (over - inside))
 
     def of_input(self, pressure_kpa: Floats, order: Floats) -> Floats:
-        """What it adds to the pressure of each step, kPa; `order` is the step's trial's."""
+        """Give what it adds to each step's pressure, kPa; `order` is the step's trial's."""
         if self.place == "input_map":
             return self.at(pressure_kpa)
         if self.place == "trial_gain":
@@ -122,7 +122,7 @@ class Law:
         return np.zeros_like(pressure_kpa)
 
     def of_motion(self, angle_deg: Floats, step_s: Floats) -> Floats:
-        """What it adds to the pressure of each step, kPa.
+        """Give what it adds to the pressure of each step, kPa.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class Law:
         return np.asarray(_filled(command_kpa, starts, fine, self.at(fine)))
 
     def of_reading(self, angle_deg: Floats, order: Floats) -> Floats:
-        """What it adds to logged angles, deg; `order` is each sample's trial's."""
+        """Give what it adds to logged angles, deg; `order` is each sample's trial's."""
         if self.place == "reading":
             return self.at(angle_deg)
         if self.place == "trial_rest":
@@ -215,10 +215,13 @@ def law_of(effect: Mapping[str, Any], where: str, source: object) -> Law:
     for name in names:
         if name not in parameters:
             refuse(f"parameters.{name}", "missing, expected this key")
-    knots, values = (
-        _numbers(parameters[name], lambda text, name=name: refuse(f"parameters.{name}", text))
-        for name in names
-    )
+    read = {}
+    for name in names:
+        found = _numbers(parameters[name])
+        if isinstance(found, str):
+            refuse(f"parameters.{name}", found)
+        read[name] = found
+    knots, values = read["knots"], read["values"]
     if values.size != knots.size:
         refuse("parameters.values", f"expected {knots.size} numbers, one a knot")
     if not (np.diff(knots) > 0.0).all():
@@ -228,19 +231,20 @@ def law_of(effect: Mapping[str, Any], where: str, source: object) -> Law:
     return Law(place, knots, values)
 
 
-def _numbers(given: Any, refuse: Callable[[str], NoReturn]) -> Floats:
+def _numbers(given: Any) -> Floats | str:
+    """Return the numbers, or what was expected instead."""
     if not isinstance(given, list) or not 2 <= len(given) <= _MOST_KNOTS:
-        refuse(f"expected a list of 2 to {_MOST_KNOTS} numbers")
+        return f"expected a list of 2 to {_MOST_KNOTS} numbers"
     for value in given:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            refuse(f"expected numbers, found {value!r}")
-        if not abs(value) < 1e9:
-            refuse(f"expected numbers below 1e9 in size, found {value!r}")
+            return f"expected numbers, found {value!r}"
+        if not abs(value) < _LARGEST:
+            return f"expected numbers below {_LARGEST:g} in size, found {value!r}"
     return np.array(given, dtype=np.float64)
 
 
 def relaxing(angle_deg: Floats, step_s: Floats, times_s: Floats) -> Floats:
-    """What is left of the changes of the angle, mean over each step, (n, k) for k times, deg."""
+    """Give what is left of the angle's changes, mean over each step, (n, k) for k times, deg."""
     return np.asarray(_relaxing(angle_deg, step_s, times_s))
 
 
@@ -282,4 +286,5 @@ def _looked_up(at: float, over: Floats, values: Floats) -> float:
     """Straight between the entries of an even table, and beyond them."""
     step = over[1] - over[0]
     k = min(max(int((at - over[0]) / step), 0), over.size - 2)
-    return values[k] + (values[k + 1] - values[k]) * (at - over[k]) / step
+    value: float = values[k] + (values[k + 1] - values[k]) * (at - over[k]) / step
+    return value

@@ -16,6 +16,9 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+_NONE = Law("input_map", np.array([0.0, 1.0]), np.zeros(2))
+
+
 @dataclass(frozen=True)
 class LawfulChain(Chain):
     """A chain with a law beside its effects.
@@ -26,7 +29,7 @@ class LawfulChain(Chain):
         The law.
     """
 
-    law: Law = Law("input_map", np.array([0.0, 1.0]), np.zeros(2))
+    law: Law = _NONE
 
     def pressure(self, effects: Floats, play: Floats) -> Floats:
         """Give the true pressure on the cells, kPa: a law of the filling stands behind the pump."""
@@ -54,7 +57,8 @@ class LawfulChain(Chain):
             angle, memory = self._moved(load + added_kpa / self.reference_kpa, x, effects, memory)
             return angle
 
-        return self.law.settled(pushed, STEPS_S[self.grid.level]), memory
+        step_s = np.asarray(STEPS_S[self.grid.level], dtype=np.float64)
+        return self.law.settled(pushed, step_s), memory
 
     def logged(
         self, reading: Floats, effects: Floats, step: Integers, share: Floats, trial: Integers
@@ -64,7 +68,7 @@ class LawfulChain(Chain):
         return y + self.law.of_reading(y, self.grid.orders[trial].astype(np.float64))
 
     def _of_input(self, pressure_kpa: Floats) -> Floats:
-        """What the law adds to the pressure of each step, kPa; nothing in the rests."""
+        """Give what the law adds to the pressure of each step, kPa; nothing in the rests."""
         added = self.law.of_input(pressure_kpa, self._order)
         return np.where(self.grid.cells > 0, added, 0.0)
 
