@@ -8,7 +8,7 @@ trials' order is charged for its changes and has no mean. Relaxation times are i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from scipy.linalg import null_space, solve_triangular
 from spa_fo.plant.law import Law
 
 Floats = NDArray[np.float64]
+
+ORDERED = ("trial_gain", "trial_rest")
+"""Places of laws over the trials' order."""
 
 _KNOTS = 7
 _TIMES = 6
@@ -42,6 +45,8 @@ class Basis:
         What was visited.
     over, weight : (n,) arrays
         What was visited, and for how long.
+    keeps_line : bool
+        Whether it may be straight.
     """
 
     place: str
@@ -51,6 +56,26 @@ class Basis:
     high: float
     over: Floats
     weight: Floats
+    keeps_line: bool = False
+
+    @property
+    def is_odd(self) -> bool:
+        """Whether it is 0 at 0 and may be of either sign there: one of the motion."""
+        return self.place not in ORDERED
+
+    @property
+    def line(self) -> Floats:
+        """What is taken out of the law, at the knots: a line, or over the trials a constant."""
+        return self.knots if self.is_odd else np.ones(self.knots.size)
+
+    def line_in(self, values: Floats) -> float:
+        """How much of that there is in values at the knots."""
+        if self.keeps_line and self.is_odd:
+            return 0.0
+        if not self.is_odd:
+            return float(_splines(self.knots, self.over).mean(axis=0) @ values)
+        part = (self.weight * self.over) @ _splines(self.knots, self.over)
+        return float(part @ values / (part @ self.knots))
 
     @property
     def size(self) -> int:
@@ -105,7 +130,7 @@ def motion_basis(place: str, over: Floats, weight: Floats, straight: bool = Fals
     else:
         held = np.vstack([at_zero, (weight * over) @ splines / weight.sum()])
     shape = _shape(charged, null_space(held))
-    return _scaled(Basis(place, knots, shape, low, high, over, weight))
+    return _scaled(Basis(place, knots, shape, low, high, over, weight, straight))
 
 
 def order_basis(place: str, orders: Floats) -> Basis | None:
@@ -119,9 +144,8 @@ def order_basis(place: str, orders: Floats) -> Basis | None:
     charged = steps.T @ (steps / np.diff(knots)[:, None]) * float(np.ptp(knots))
     held = _splines(knots, unique).mean(axis=0)[None, :]
     shape = _shape(charged, null_space(held))
-    return _scaled(
-        Basis(place, knots, shape, knots[0], knots[-1], unique, np.ones(unique.size))
-    )
+    weight = np.ones(unique.size)
+    return _scaled(Basis(place, knots, shape, knots[0], knots[-1], unique, weight, True))
 
 
 def relaxation_basis(longest_s: float) -> Basis:
@@ -132,10 +156,7 @@ def relaxation_basis(longest_s: float) -> Basis:
 
 def without(basis: Basis, column: int) -> Basis:
     """Leave one coefficient out."""
-    shape = np.delete(basis.shape, column, axis=1)
-    return Basis(
-        basis.place, basis.knots, shape, basis.low, basis.high, basis.over, basis.weight
-    )
+    return replace(basis, shape=np.delete(basis.shape, column, axis=1))
 
 
 def _splines(knots: Floats, over: Floats) -> Floats:
@@ -173,12 +194,4 @@ def _scaled(basis: Basis) -> Basis:
     """Make the law 1 in size beforehand."""
     at = basis.drawn_over()
     size = float(np.sqrt(np.mean(np.sum(basis.curve(at) ** 2, axis=1))))
-    return Basis(
-        basis.place,
-        basis.knots,
-        basis.shape / size,
-        basis.low,
-        basis.high,
-        basis.over,
-        basis.weight,
-    )
+    return replace(basis, shape=basis.shape / size)

@@ -6,6 +6,7 @@ not 0 the problem is made linear anew.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from spa_fo.gap.problem import AngleProblem
 from spa_fo.gap.searched import to_x
 from spa_fo.gap.whitening import Factor
 from spa_fo.plant.chain import Chain
+from spa_fo.plant.law import Law
 from spa_fo.plant.lawful import with_law
 
 Floats = NDArray[np.float64]
@@ -126,6 +128,11 @@ class LawFit:
     predicted_deg: Floats
     logs: Floats
 
+    @property
+    def law(self) -> Law:
+        """The law itself."""
+        return self.basis.law(self.e)
+
 
 def fit_law(
     bench: Bench,
@@ -134,7 +141,8 @@ def fit_law(
     z: Floats,
     variances: Floats,
     basis: Basis,
-    factors: list[Factor],
+    factors: Sequence[Factor],
+    rounds: int = _ROUNDS,
 ) -> LawFit:
     """Fit a law with all that stands beside it.
 
@@ -148,13 +156,15 @@ def fit_law(
         Where these begin, and the nuisances' variances.
     basis : Basis
         The law's.
-    factors : list of Factor
+    factors : sequence of Factor
         The first is that of the fit, the evidence is given for all.
+    rounds : int
+        How often the problem is made linear; once is a screening.
     """
     scale = _scale(bench, ids, changed, z, basis)
     variances, e = np.append(variances, scale**2), np.zeros(basis.size)
     while True:
-        at = _settled(bench, ids, changed, z, variances, basis, e, scale, factors[0])
+        at = _settled(bench, ids, changed, z, variances, basis, e, scale, factors[0], rounds)
         if basis.place != "relaxation" or basis.size == 1 or at.e.min() >= 0.0:
             break
         # An actuator does not push by itself: what is negative leaves the spectrum.
@@ -196,10 +206,11 @@ def _settled(
     e: Floats,
     scale: float,
     factor: Factor,
+    rounds: int,
 ) -> _Point:
     """Go on from a point to where the linear problem's top is the point itself."""
     point: _Point | None = None
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         for _ in range(_HALVED):
             try:
                 problem = LawProblem(bench, ids, changed, basis, e, scale)
