@@ -22,7 +22,8 @@ Floats = NDArray[np.float64]
 ORDERED = ("trial_gain", "trial_rest")
 """Places of laws over the trials' order."""
 
-_KNOTS = 7
+_KNOTS, _SIGNED_KNOTS = 7, 9
+_OF_EITHER_SIGN = ("filling", "damping")
 _TIMES = 6
 _QUICKEST_S = 0.3  # relaxation time: what is quicker looks like damping
 _EDGE = 0.5  # per cent of the steps on either side that say nothing of the range
@@ -43,10 +44,11 @@ class Basis:
         Scaled so that beforehand the law is 1 in size, RMS over what was visited.
     low, high : float
         What was visited.
-    over, weight : (n,) arrays
-        What was visited, and for how long.
+    line, taken : (k,) arrays
+        What gain and coefficients do there, a line or over the trials a constant, and the mean
+        that says how much of it is in values at the knots.
     keeps_line : bool
-        Whether it may be straight.
+        Whether the law may be straight.
     """
 
     place: str
@@ -54,28 +56,14 @@ class Basis:
     shape: Floats
     low: float
     high: float
-    over: Floats
-    weight: Floats
+    line: Floats
+    taken: Floats
     keeps_line: bool = False
 
     @property
     def is_odd(self) -> bool:
-        """Whether it is 0 at 0 and may be of either sign there: one of the motion."""
+        """Whether it is 0 at 0 and may go on below: a law of the motion."""
         return self.place not in ORDERED
-
-    @property
-    def line(self) -> Floats:
-        """What is taken out of the law, at the knots: a line, or over the trials a constant."""
-        return self.knots if self.is_odd else np.ones(self.knots.size)
-
-    def line_in(self, values: Floats) -> float:
-        """How much of that there is in values at the knots."""
-        if self.keeps_line and self.is_odd:
-            return 0.0
-        if not self.is_odd:
-            return float(_splines(self.knots, self.over).mean(axis=0) @ values)
-        part = (self.weight * self.over) @ _splines(self.knots, self.over)
-        return float(part @ values / (part @ self.knots))
 
     @property
     def size(self) -> int:
@@ -117,20 +105,30 @@ def motion_basis(place: str, over: Floats, weight: Floats, straight: bool = Fals
     """
     low, high = np.percentile(over, [_EDGE, 100.0 - _EDGE])
     low, high = min(float(low), 0.0), max(float(high), 0.0)
-    knots = np.linspace(low, high, _KNOTS)
-    zero = int(np.argmin(np.abs(knots)))
-    knots[zero] = 0.0
-    at_zero = np.eye(_KNOTS)[[zero]]
-    splines = _splines(knots, over)
-    charged = _curvature(knots)
+    knots = _signed_knots(low, high) if place in _OF_EITHER_SIGN else _even_knots(low, high)
+    held, charged = (knots == 0.0).astype(np.float64)[None, :], _curvature(knots)
     if straight:
         # A slope is as likely as a curvature that turns by as much over the range.
-        charged = charged + _slope(knots)
-        held = at_zero
+        charged, taken = charged + _slope(knots), np.zeros(knots.size)
     else:
-        held = np.vstack([at_zero, (weight * over) @ splines / weight.sum()])
+        taken = (weight * over) @ _splines(knots, over)
+        taken = taken / (taken @ knots)
+        held = np.vstack([held, taken])
     shape = _shape(charged, null_space(held))
-    return _scaled(Basis(place, knots, shape, low, high, over, weight, straight))
+    return _scaled(Basis(place, knots, shape, low, high, knots, taken, straight))
+
+
+def _even_knots(low: float, high: float) -> Floats:
+    knots = np.linspace(low, high, _KNOTS)
+    knots[np.argmin(np.abs(knots))] = 0.0
+    return knots
+
+
+def _signed_knots(low: float, high: float) -> Floats:
+    """Closer about 0, where friction and valves bend."""
+    share = np.linspace(-1.0, 1.0, _SIGNED_KNOTS)
+    knots = np.where(share < 0.0, -low, high) * share * np.abs(share)
+    return np.unique(knots[np.abs(knots) > 0.0].tolist() + [0.0])
 
 
 def order_basis(place: str, orders: Floats) -> Basis | None:
@@ -142,16 +140,17 @@ def order_basis(place: str, orders: Floats) -> Basis | None:
     knots = unique[at]
     steps = np.diff(np.eye(knots.size), axis=0)
     charged = steps.T @ (steps / np.diff(knots)[:, None]) * float(np.ptp(knots))
-    held = _splines(knots, unique).mean(axis=0)[None, :]
-    shape = _shape(charged, null_space(held))
-    weight = np.ones(unique.size)
-    return _scaled(Basis(place, knots, shape, knots[0], knots[-1], unique, weight, True))
+    mean = _splines(knots, unique).mean(axis=0)
+    shape = _shape(charged, null_space(mean[None, :]))
+    one = np.ones(knots.size)
+    return _scaled(Basis(place, knots, shape, knots[0], knots[-1], one, mean, True))
 
 
 def relaxation_basis(longest_s: float) -> Basis:
     """Lay a spectrum over relaxation times up to the longest of a trial."""
     times = np.geomspace(_QUICKEST_S, max(longest_s, 4.0 * _QUICKEST_S), _TIMES)
-    return Basis("relaxation", times, np.eye(_TIMES), times[0], times[-1], times, np.ones(_TIMES))
+    none = np.zeros(_TIMES)
+    return Basis("relaxation", times, np.eye(_TIMES), times[0], times[-1], none, none)
 
 
 def without(basis: Basis, column: int) -> Basis:

@@ -16,12 +16,13 @@ from scipy.special import logsumexp
 
 from spa_fo.gap.bench import SHARES, Bench
 from spa_fo.gap.evidence import Evidence, angle_chain
+from spa_fo.gap.filling import FillingFit
 from spa_fo.gap.law_basis import Basis, motion_basis, order_basis, relaxation_basis
 from spa_fo.gap.law_problem import LawFit, fit_law
 from spa_fo.gap.problem import AngleProblem
 from spa_fo.gap.resemblance import Likeness, likenesses
 from spa_fo.gap.search import Fitted
-from spa_fo.gap.searched import LN_GAIN, to_x
+from spa_fo.gap.searched import to_x
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.whitening import Factor
 from spa_fo.plant.lawful import with_law
@@ -88,10 +89,10 @@ def place_laws(bench: Bench, base: Fitted) -> tuple[PlacedLaw, ...]:
             fit,
             share,
             float(fit.logs[1:].max() - without[1:].max()),
-            likenesses(fit.basis, fit.e, fit.covariance, _line(bench, fit)),
+            likenesses(fit.basis, fit.e, fit.covariance, _line(fit)),
         )
         for fit, share in ordered
-        if share >= SETTINGS.least
+        if share >= SETTINGS.least and _score(fit.logs) > scores[0]
     )
 
 
@@ -105,6 +106,22 @@ def law_at(bench: Bench, base: Fitted, place: str) -> LawFit | None:
         for changed in _variants(bench, base, basis)
     ]
     return max(fits, key=lambda fit: float(fit.logs[0]), default=None)
+
+
+def drive_law(evidence: Evidence, base: Fitted) -> PlacedLaw:
+    """Fit the law of the filling to the measured pressure; its place is the drive's for certain."""
+    found = FillingFit(evidence)
+    fit = LawFit(
+        basis=found.basis,
+        changed=base.changed,
+        e=found.e,
+        covariance=found.covariance,
+        z=base.z,
+        effects=base.effects,
+        predicted_deg=base.predicted_deg,
+        logs=np.zeros(len(SHARES) + 1),
+    )
+    return PlacedLaw(fit, 1.0, 0.0, likenesses(fit.basis, fit.e, fit.covariance))
 
 
 def bases(bench: Bench, base: Fitted) -> list[Basis]:
@@ -172,11 +189,6 @@ def _worth(fit: LawFit) -> float:
     return _score(fit.logs)
 
 
-def _line(bench: Bench, fit: LawFit) -> float | None:
-    """Slope of the line that the plain model has at a law's place, in the law's units."""
-    if fit.basis.place in ("input_map", "reading"):
-        return 1.0
-    if fit.basis.place == "moment":
-        # A load against the motion: the line is what holds a static actuator back.
-        return -float(bench.chain.reference_kpa / np.degrees(np.exp(fit.z[LN_GAIN])))
-    return None
+def _line(fit: LawFit) -> float | None:
+    """Slope of the line that the plain model has at a law's place, where a form may replace it."""
+    return 1.0 if fit.basis.place in ("input_map", "reading") else None

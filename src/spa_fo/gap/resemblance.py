@@ -1,7 +1,8 @@
 """What a free-form law resembles: a short list of forms, each fitted to its curve.
 
-Where the whole relation is known, the law beside the straight line that the plain model has, a
-form has to give both with one amplitude; elsewhere only the bent part is compared.
+Where the whole relation is known, the law with the line that the plain model has at its place, a
+form that gives both with one amplitude comes first; else a form is sought for the law alone, beside
+a line of any slope.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ Floats = NDArray[np.float64]
 Form = Callable[[Floats, float], Floats]
 
 _LEAST = 0.75  # of a curve, that a form has to give to be named
+_STRAIGHT = 0.9  # a line that gives so much needs no other form beside it
 _FORMS_NAMED = 3
 _TOGETHER = 0.8  # of a spectrum, in neighbouring times: it is one time
 _EXPONENTS = np.concatenate([np.linspace(0.2, 0.96, 39), np.linspace(1.04, 5.0, 100)])
@@ -87,11 +89,23 @@ def likenesses(
     """
     if basis.place == "relaxation":
         return (_of_spectrum(basis, e),)
-    found = [_best(basis, e, covariance, line, *form) for form in _FORMS]
-    if basis.keeps_line:
-        found.append(_straight(basis, e, covariance))
-    named = [each for each in found if each.explains >= _LEAST]
-    return tuple(sorted(named, key=lambda each: -each.explains)[:_FORMS_NAMED])
+    named: list[Likeness] = []
+    if line is not None:
+        named = _named([_best(basis, e, covariance, line, *form) for form in _FORMS])
+    if not named:
+        found = [_best(basis, e, covariance, None, *form) for form in _FORMS]
+        if basis.keeps_line:
+            found.append(_straight(basis, e, covariance))
+        named = _named(found)
+    return tuple(named)
+
+
+def _named(found: list[Likeness]) -> list[Likeness]:
+    straight = [each for each in found if each.form == "linear" and each.explains >= _STRAIGHT]
+    if straight:
+        return straight
+    alike = [each for each in found if each.explains >= _LEAST]
+    return sorted(alike, key=lambda each: -each.explains)[:_FORMS_NAMED]
 
 
 def _best(
@@ -130,7 +144,7 @@ def _shapes(
     knots = basis.knots - (0.0 if basis.is_odd else basis.knots[0])
     for value in tried.tolist():
         whole = np.sign(knots) * form(np.abs(knots), value)
-        slope = basis.line_in(whole)
+        slope = float(basis.taken @ whole)
         if line is None:
             yield value, basis.coefficients(whole - slope * basis.line)
         elif abs(slope) > 1e-12:

@@ -276,6 +276,7 @@ def _filled(command: Floats, starts: Integers, over: Floats, rate: Floats) -> Fl
             there = p + FINEST_STEP_S * first
             second = _looked_up(command[i] - there, over, rate)
             after = p + 0.5 * FINEST_STEP_S * (first + second)
+            after = min(max(after, -_LARGEST), _LARGEST)
             out[i] = 0.5 * (p + after)
             p = after
     return out
