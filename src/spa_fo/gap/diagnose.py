@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.bench import bench_for
+from spa_fo.gap.bench import Bench, bench_for
 from spa_fo.gap.claim import Claim, claim, closes, exact
 from spa_fo.gap.decide import Verdict, decide, stage_shares
 from spa_fo.gap.diagnosis import (
@@ -30,6 +30,14 @@ from spa_fo.gap.hold_out import HeldOut, hold_out, rmse
 from spa_fo.gap.interference import NONE, fast_line
 from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
+from spa_fo.gap.missing import (
+    NOTHING,
+    Missing,
+    find_missing,
+    law_finding,
+    law_of_all,
+    with_law,
+)
 from spa_fo.gap.next_steps import in_words, next_steps
 from spa_fo.gap.search import Explanations, explain
 from spa_fo.gap.settings import SETTINGS
@@ -179,11 +187,10 @@ def diagnose(
         )
     explained = bool(verdict.sets)
     final = _on_all_trials(examined, verdict, progress) if explained else None
-    model = plain
-    if final is not None:
-        model = augmented_model(final, everything, plain)
-        memory = ending_memory(model, examined.data)
-        model = replace(model, extra={**model.extra, "memory": memory})
+    missing = (
+        _missing(examined, verdict, claimed, progress) if verdict.kind == "unknown" else NOTHING
+    )
+    model = _model(examined, final, missing, plain)
     curves = claimed.curves
     located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
     everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
@@ -216,6 +223,7 @@ def diagnose(
         misses=misses(everything),
         findings=(
             *findings(verdict, examined.found.bench.own, noise.spectrum.repeats > 0, floor),
+            *law_finding(missing, held, everything),
             *drive_finding(examined.drive, everything, held),
             *filter(None, [noise.sentence()]),
         ),
@@ -225,6 +233,7 @@ def diagnose(
         ),
         model=model,
         next_steps=steps,
+        laws=missing.laws,
     )
 
 
@@ -334,15 +343,55 @@ def _on_all_trials(examined: Examined, verdict: Verdict, progress: Progress) -> 
     """Fit the most probable set that stands once more, to all trials."""
     progress("fitting the explanation once more, to all trials")
     scored = verdict.of(verdict.sets[0])
-    if not examined.held.trials.any():
-        return exact(scored, examined.found, examined.drive, examined.found.bench)
-    none = np.zeros_like(examined.held.trials)
-    bench = examined.found.bench.without(none)
     known = exact(scored, examined.found, examined.drive, examined.found.bench)
-    y = examined.found.plain.predicted_deg
-    bench = bench.with_gap(examined.everything.grid.angle_deg - y, y)
+    if not examined.held.trials.any():
+        return known
+    bench = _bench_of_all(examined)
     again = exact(replace(scored, angle=known.angle), examined.found, examined.drive, bench)
     return explanation_of(scored, again.angle, known.drive)
+
+
+def _bench_of_all(examined: Examined) -> Bench:
+    """Make all trials ready."""
+    if not examined.held.trials.any():
+        return examined.found.bench
+    bench = examined.found.bench.without(np.zeros_like(examined.held.trials))
+    y = examined.found.plain.predicted_deg
+    return bench.with_gap(examined.everything.grid.angle_deg - y, y)
+
+
+def _missing(examined: Examined, verdict: Verdict, claimed: Claim, progress: Progress) -> Missing:
+    """Look for what has no name, beside the part that has one."""
+    progress("looking for laws that have no name")
+    found, everything = examined.found, examined.everything
+    known = Explanation((), found.plain, None, None)
+    if verdict.sets:
+        known = exact(verdict.of(verdict.sets[0]), found, examined.drive, found.bench)
+    return find_missing(
+        found.bench,
+        known,
+        everything,
+        examined.held,
+        claimed.curves["plain"],
+        claimed.curves["refit"],
+        examined.floor_deg,
+        verdict.unknown_drive if everything.has_pressure else 0.0,
+    )
+
+
+def _model(examined: Examined, final: Explanation | None, missing: Missing, plain: Model) -> Model:
+    """Write the model that predicts best: what is known, and a law that is worth it."""
+    law, fit = missing.worth_a_model, None
+    if law is not None:
+        known = final or Explanation((), examined.found.plain, None, None)
+        final, fit = law_of_all(_bench_of_all(examined), known, law)
+    if final is None:
+        return plain
+    model = augmented_model(final, examined.everything, plain)
+    if fit is not None:
+        model = with_law(model, fit)
+    memory = ending_memory(model, examined.data)
+    return replace(model, extra={**model.extra, "memory": memory})
 
 
 def _p_value(verdict: Verdict) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.evidence import Evidence
+from spa_fo.gap.evidence import Evidence, modelled_pressure
 from spa_fo.gap.law_basis import Basis, motion_basis
 from spa_fo.gap.mixed import Normal, Prior, Solution, solve
 from spa_fo.gap.pressure import blur, resolution
@@ -27,6 +27,8 @@ class FillingFit:
     ----------
     evidence : Evidence
         A campaign with command and pressure.
+    effects : array
+        Parameters of all effects, NaN where absent: the law stands behind those of the drive.
 
     Attributes
     ----------
@@ -36,16 +38,15 @@ class FillingFit:
         Its coefficients.
     """
 
-    def __init__(self, evidence: Evidence) -> None:
+    def __init__(self, evidence: Evidence, effects: Floats) -> None:
         grid = evidence.grid
-        assert grid.command_kpa is not None
         assert grid.measured_kpa is not None
-        self._command, self._grid = grid.command_kpa, grid
+        self._command, self._grid = modelled_pressure(evidence, effects), grid
         self._used = evidence.used
         self._measured = grid.measured_kpa[self._used]
         white = evidence.pressure_noise_kpa**2 / grid.counts + resolution(evidence) ** 2 / 12.0
         self._sigma = np.sqrt(white + (_BLUR * blur(evidence)) ** 2)[self._used]
-        step_kpa = grid.step_means(grid.command_kpa)[grid.sample_step][self._used]
+        step_kpa = grid.step_means(self._command)[grid.sample_step][self._used]
         above = step_kpa - self._measured
         self.basis: Basis = motion_basis("filling", above, grid.counts[self._used], straight=True)
         lags = [self.basis.coefficients(self.basis.knots / time) for time in _TIMES_S]
@@ -98,4 +99,6 @@ class FillingFit:
             np.append(np.zeros(m, dtype=np.int64), [-1, -1]),
             np.array([scale]),
         )
-        return solve(Normal(h.T @ h, h.T @ left, float(left @ left), 0.0, here.size), prior, variances)
+        return solve(
+            Normal(h.T @ h, h.T @ left, float(left @ left), 0.0, here.size), prior, variances
+        )

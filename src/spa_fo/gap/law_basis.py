@@ -128,7 +128,7 @@ def _signed_knots(low: float, high: float) -> Floats:
     """Closer about 0, where friction and valves bend."""
     share = np.linspace(-1.0, 1.0, _SIGNED_KNOTS)
     knots = np.where(share < 0.0, -low, high) * share * np.abs(share)
-    return np.unique(knots[np.abs(knots) > 0.0].tolist() + [0.0])
+    return np.unique([*knots.tolist(), 0.0])
 
 
 def order_basis(place: str, orders: Floats) -> Basis | None:

@@ -15,17 +15,15 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from spa_fo.gap.bench import SHARES, Bench
-from spa_fo.gap.evidence import Evidence, angle_chain
+from spa_fo.gap.evidence import Evidence
 from spa_fo.gap.filling import FillingFit
 from spa_fo.gap.law_basis import Basis, motion_basis, order_basis, relaxation_basis
 from spa_fo.gap.law_problem import LawFit, fit_law
 from spa_fo.gap.problem import AngleProblem
 from spa_fo.gap.resemblance import Likeness, likenesses
 from spa_fo.gap.search import Fitted
-from spa_fo.gap.searched import to_x
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.whitening import Factor
-from spa_fo.plant.lawful import with_law
 from spa_fo.plant.memory import STEPS_S
 
 Floats = NDArray[np.float64]
@@ -96,8 +94,8 @@ def place_laws(bench: Bench, base: Fitted) -> tuple[PlacedLaw, ...]:
     )
 
 
-def law_at(bench: Bench, base: Fitted, place: str) -> LawFit | None:
-    """Fit the law of one place beside an explanation; None where the trials have none."""
+def law_at(bench: Bench, base: Fitted, place: str) -> LawFit:
+    """Fit the law of one place beside an explanation."""
     factors = [bench.whitening.factor(base.level, SETTINGS.search_share)]
     fits = [
         _fit(bench, replace(base, changed=changed), basis, factors)
@@ -105,12 +103,12 @@ def law_at(bench: Bench, base: Fitted, place: str) -> LawFit | None:
         if basis.place == place
         for changed in _variants(bench, base, basis)
     ]
-    return max(fits, key=lambda fit: float(fit.logs[0]), default=None)
+    return max(fits, key=lambda fit: float(fit.logs[0]))
 
 
-def drive_law(evidence: Evidence, base: Fitted) -> PlacedLaw:
-    """Fit the law of the filling to the measured pressure; its place is the drive's for certain."""
-    found = FillingFit(evidence)
+def drive_law(evidence: Evidence, base: Fitted, effects: Floats) -> PlacedLaw:
+    """Fit the law of the filling to the measured pressure, behind what the drive is known to do."""
+    found = FillingFit(evidence, effects)
     fit = LawFit(
         basis=found.basis,
         changed=base.changed,
@@ -145,15 +143,6 @@ def bases(bench: Bench, base: Fitted) -> list[Basis]:
     orders = grid.orders[bench.evidence.takes_part].astype(np.float64)
     by_order = [order_basis(place, orders) for place in ("trial_gain", "trial_rest")]
     return [*laid, relaxation_basis(longest), *(each for each in by_order if each is not None)]
-
-
-def predicted_deg(fit: LawFit, evidence: Evidence, pressure_kpa: Floats | None = None) -> Floats:
-    """Angle (deg) at the averaged samples of a campaign, from the command, with a law."""
-    x = to_x(fit.z[:5])
-    chain = angle_chain(evidence, x, pressure_kpa)
-    if evidence.fixture is not None:
-        chain = chain.seated(evidence.fixture.simulate(fit.effects)[1])
-    return with_law(chain, fit.law).run(x, fit.effects)[0]
 
 
 def _variants(bench: Bench, base: Fitted, basis: Basis) -> tuple[bool, ...]:

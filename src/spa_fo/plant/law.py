@@ -47,6 +47,8 @@ class Place:
     ----------
     stage : str
         Of the chain.
+    words : str
+        The relation that it adds to.
     over, over_unit : str
         What it is a function of.
     gives, unit : str
@@ -54,6 +56,7 @@ class Place:
     """
 
     stage: str
+    words: str
     over: str
     over_unit: str
     gives: str
@@ -62,15 +65,32 @@ class Place:
 
 PLACES = {
     "filling": Place(
-        "drive", "commanded less actual pressure", "kPa", "rate of the pressure", "kPa/s"
+        "drive",
+        "how fast the pressure follows the command",
+        "command less pressure",
+        "kPa",
+        "rate of the pressure",
+        "kPa/s",
     ),
-    "input_map": Place("actuator", "pressure", "kPa", "load, as pressure", "kPa"),
-    "moment": Place("actuator", "angle", "deg", "load by the angle, as pressure", "kPa"),
-    "damping": Place("actuator", "rate of the angle", "deg/s", "load by the rate", "kPa"),
-    "relaxation": Place("actuator", "relaxation time", "s", "stiffness that relaxes", "kPa/deg"),
-    "trial_gain": Place("actuator", "place in the campaign", "1", "gain of a trial", "1"),
-    "reading": Place("sensor", "angle", "deg", "error of the reading", "deg"),
-    "trial_rest": Place("sensor", "place in the campaign", "1", "rest angle of a trial", "deg"),
+    "input_map": Place(
+        "actuator", "what load a pressure makes", "pressure", "kPa", "added load", "kPa"
+    ),
+    "moment": Place(
+        "actuator", "what moment an angle brings back", "angle", "deg", "added load", "kPa"
+    ),
+    "damping": Place(
+        "actuator", "what moment resists motion", "rate of the angle", "deg/s", "added load", "kPa"
+    ),
+    "relaxation": Place(
+        "actuator", "how stress relaxes", "relaxation time", "s", "stiffness", "kPa/deg"
+    ),
+    "trial_gain": Place(
+        "actuator", "how the gain changes over the trials", "trial", "", "added gain", "1"
+    ),
+    "reading": Place("sensor", "what an angle is read as", "angle", "deg", "added reading", "deg"),
+    "trial_rest": Place(
+        "sensor", "how the rest angle changes over the trials", "trial", "", "added angle", "deg"
+    ),
 }
 """All places, in the order of the chain."""
 
