@@ -27,7 +27,7 @@ def stepped(chain: Chain, law: Law, x: np.ndarray) -> np.ndarray:
     for i in range(step_s.size):
         for _ in range(60):
             angle = free[: i + 1] + reply[: i + 1, : i + 1] @ added[: i + 1]
-            added[i] = law.of_motion(angle, step_s[: i + 1])[i]
+            added[i] = law.of_motion(angle, step_s[: i + 1])[0][i]
     return free + reply @ added
 
 

@@ -16,7 +16,7 @@ from spa_fo.plant.augmented import is_augmented, law_in, predict_augmented
 from spa_fo.plant.chain import Chain, chain_for
 from spa_fo.plant.effects.library import absent
 from spa_fo.plant.grid import campaign_grid
-from spa_fo.plant.law import PLACES, Law, relaxing
+from spa_fo.plant.law import PLACES, Law, Past, relaxing
 from spa_fo.plant.lawful import with_law
 from spa_fo.plant.memory import STEPS_S
 
@@ -61,7 +61,8 @@ ADDING = [place for place in PLACES if place != "filling"]
 
 @pytest.mark.parametrize("place", ADDING)
 def test_a_law_that_is_zero_is_neutral(place: str) -> None:
-    np.testing.assert_array_equal(angles(with_law(chain(), law(place, 0.0))), angles(chain()))
+    bent = angles(with_law(chain(), law(place, 0.0)))
+    np.testing.assert_allclose(bent, angles(chain()), rtol=1e-12)
 
 
 @pytest.mark.parametrize("place", PLACES)
@@ -101,13 +102,33 @@ def test_what_follows_the_motion_is_that_of_a_plain_twin(place: str) -> None:
     np.testing.assert_allclose(fast, slow, atol=1e-4)
 
 
+@pytest.mark.parametrize("place", ["moment", "damping", "relaxation"])
+def test_beside_an_effect_it_is_the_same_law(place: str) -> None:
+    nothing = plant_cases.vector("stiffening", fraction_at_60deg=0.0)
+    one = with_law(chain(), law(place))
+    alone, _ = one.angles(plant_cases.X, absent())
+    beside, memory = one.angles(plant_cases.X, nothing)
+    np.testing.assert_allclose(beside, alone, atol=1e-4)
+    assert memory.ends_s == chain().grid.ends_s
+
+
+def test_dry_friction_holds_the_actuator_however_steep_it_is() -> None:
+    knots = np.array([-50.0, -0.1, 0.0, 0.1, 50.0])
+    rubbing = Law("damping", knots, np.array([3.0, 3.0, 0.0, -3.0, -3.0]))
+    plain, _ = chain().angles(plant_cases.X, absent())
+    held, _ = with_law(chain(), rubbing).angles(plant_cases.X, absent())
+    rising = np.diff(plain) > 0.5
+    assert (held[1:][rising] < plain[1:][rising]).all()
+
+
 def test_relaxation_is_the_convolution_that_it_says() -> None:
     rng = np.random.default_rng(1)
     step_s = STEPS_S[rng.integers(0, 5, 60)]
     angle = np.cumsum(rng.normal(size=60))
     times = np.array([0.05, 0.7, 20.0])
     slow = naive_law.relaxing(angle, step_s, times)
-    np.testing.assert_allclose(relaxing(angle, step_s, times), slow, atol=2e-3)
+    fast, _ = relaxing(angle, step_s, times, Past(0.0, np.zeros(times.size)))
+    np.testing.assert_allclose(fast, slow, atol=2e-3)
 
 
 def test_filling_is_that_of_a_plain_twin() -> None:

@@ -26,7 +26,6 @@ Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
 _ROUNDS = 4  # of Gauss and Newton
-_HALVED = 4  # times that a step may be
 _STEP = 0.02  # of what a law is beforehand, for a slope
 
 
@@ -210,15 +209,10 @@ def _settled(
 ) -> _Point:
     """Go on from a point to where the linear problem's top is the point itself."""
     point: _Point | None = None
+    start = z
     for _ in range(rounds):
-        for _ in range(_HALVED):
-            try:
-                problem = LawProblem(bench, ids, changed, basis, e, scale)
-                linear = problem.linear(z)
-                break
-            except ValueError:  # a law too steep for any motion
-                assert point is not None
-                e, z = 0.5 * (e + point.problem.e), 0.5 * (z + point.linear.z)
+        good = (point.problem.e, point.linear.z) if point else (np.zeros_like(e), start)
+        problem, linear, e, z = _made(bench, ids, changed, basis, scale, (e, z), good)
         _, solution, top = problem.weigh(linear, factor, variances)
         k = basis.size
         z, e = problem.inside(np.clip(top, problem.low, problem.high)), solution.coefficients[-k:]
@@ -227,6 +221,27 @@ def _settled(
         point = _Point(problem, linear, z, e, covariance, variances)
     assert point is not None
     return point
+
+
+def _made(
+    bench: Bench,
+    ids: Ids,
+    changed: bool,
+    basis: Basis,
+    scale: float,
+    there: tuple[Floats, Floats],
+    good: tuple[Floats, Floats],
+) -> tuple[LawProblem, Linear, Floats, Floats]:
+    """Make the problem linear about a point, or nearer to a good one where no motion agrees."""
+    for share in (1.0, 0.5, 0.25, 0.0):
+        e, z = (share * a + (1.0 - share) * b for a, b in zip(there, good, strict=True))
+        problem = LawProblem(bench, ids, changed, basis, e, scale)
+        try:
+            return problem, problem.linear(z), e, z
+        except ValueError:
+            if share == 0.0:
+                raise
+    raise AssertionError
 
 
 def _scale(bench: Bench, ids: Ids, changed: bool, z: Floats, basis: Basis) -> float:

@@ -21,6 +21,7 @@ Form = Callable[[Floats, float], Floats]
 _LEAST = 0.75  # of a curve, that a form has to give to be named
 _STRAIGHT = 0.9  # a line that gives so much needs no other form beside it
 _FORMS_NAMED = 3
+_RESISTING = ("moment", "damping")  # a load against the motion grows downwards
 _TOGETHER = 0.8  # of a spectrum, in neighbouring times: it is one time
 _EXPONENTS = np.concatenate([np.linspace(0.2, 0.96, 39), np.linspace(1.04, 5.0, 100)])
 _SHARES = np.geomspace(0.01, 20.0, 120)  # of the range
@@ -130,6 +131,8 @@ def _best(
         size = 1.0 if line is not None else float(shape @ precision @ e)
         if line is None:
             size /= max(float(shape @ precision @ shape), 1e-30)
+        if basis.is_odd and size * (-1.0 if basis.place in _RESISTING else 1.0) <= 0.0:
+            continue  # a form that bends the other way is another form
         left = e - size * shape
         misfit = float(left @ precision @ left)
         if misfit < least:

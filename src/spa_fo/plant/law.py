@@ -5,15 +5,13 @@ actuator is told as the pressure that would do the same, so that it stands besid
 
     u = (p + Δ(p) + m(θ) + r(θ') − Σ w_k ∫ e^{−(t−s)/τ_k} dθ) / reference.
 
-Laws that follow the motion make the load depend on the angle, which is solved by fixed point: the
-plant answers later than it is pushed, so that the rounds converge as they do for Volterra's
-equations (Brunner 2017, doi:10.1017/9781316162491).
+A law that follows the motion makes the load depend on the angle: see `spa_fo.plant.lawful`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NoReturn
@@ -34,9 +32,7 @@ LAW = "law"
 """The id of a law in a model's list of effects."""
 
 _MOST_KNOTS, _LARGEST = 200, 1e9
-_ROUNDS = 200  # of the fixed point
-_SETTLED_DEG = 1e-6
-_RUN_AWAY_DEG = 1e5
+_FINE = 100  # entries of a table a knot
 
 
 @dataclass(frozen=True)
@@ -96,6 +92,22 @@ PLACES = {
 
 
 @dataclass(frozen=True)
+class Past:
+    """What a law that follows the motion remembers.
+
+    Attributes
+    ----------
+    angle_deg : float
+        The last angle.
+    stress : (k,) array
+        What is left of the angle's changes, by relaxation time, deg.
+    """
+
+    angle_deg: float
+    stress: Floats
+
+
+@dataclass(frozen=True)
 class Law:
     """A law at its place.
 
@@ -133,6 +145,11 @@ class Law:
         inside = np.clip(over, self.knots[0], self.knots[-1])
         return np.asarray(spline(inside) + np.where(over < inside, low, high) * (over - inside))
 
+    def table(self) -> tuple[Floats, Floats]:
+        """Lay the law out evenly, so finely that it is straight in between."""
+        fine = np.linspace(self.knots[0], self.knots[-1], _FINE * self.knots.size)
+        return fine, self.at(fine)
+
     def of_input(self, pressure_kpa: Floats, order: Floats) -> Floats:
         """Give what it adds to each step's pressure, kPa; `order` is the step's trial's."""
         if self.place == "input_map":
@@ -141,29 +158,33 @@ class Law:
             return self.at(order) * pressure_kpa
         return np.zeros_like(pressure_kpa)
 
-    def of_motion(self, angle_deg: Floats, step_s: Floats) -> Floats:
-        """Give what it adds to the pressure of each step, kPa.
+    def of_motion(
+        self, angle_deg: Floats, step_s: Floats, past: Past | None = None
+    ) -> tuple[Floats, Past]:
+        """Give what it adds to the pressure of each step, kPa, and what it remembers after them.
 
         Parameters
         ----------
-        angle_deg : (n,) array
-            True angle at the end of each step; 0 before the first.
-        step_s : (n,) array
-            Lengths of the steps.
+        angle_deg, step_s : (n,) arrays
+            True angle at the end of each step, and lengths of the steps.
+        past : Past, optional
+            Before the first step; at rest at 0 by default.
         """
-        before = np.concatenate([[0.0], angle_deg[:-1]])
+        past = past or Past(0.0, np.zeros(self.knots.size))
+        before = np.concatenate([[past.angle_deg], angle_deg[:-1]])
+        after = Past(float(angle_deg[-1]), past.stress)
         if self.place == "moment":
-            return self.at(0.5 * (before + angle_deg))
+            return self.at(0.5 * (before + angle_deg)), after
         if self.place == "damping":
-            return self.at((angle_deg - before) / step_s)
-        return np.asarray(-relaxing(angle_deg, step_s, self.knots) @ self.values)
+            return self.at((angle_deg - before) / step_s), after
+        mean, stress = relaxing(angle_deg, step_s, self.knots, past)
+        return np.asarray(-mean @ self.values), Past(after.angle_deg, stress)
 
     def driven(self, command_kpa: Floats, starts: Integers) -> Floats:
         """Pressure on the cells behind a drive whose filling follows the law, kPa."""
         if self.place != "filling":
             return command_kpa
-        fine = np.linspace(self.knots[0], self.knots[-1], 40 * self.knots.size)
-        return np.asarray(_filled(command_kpa, starts, fine, self.at(fine)))
+        return np.asarray(_filled(command_kpa, starts, *self.table()))
 
     def of_reading(self, angle_deg: Floats, order: Floats) -> Floats:
         """Give what it adds to logged angles, deg; `order` is each sample's trial's."""
@@ -172,33 +193,6 @@ class Law:
         if self.place == "trial_rest":
             return self.at(np.clip(order, self.knots[0], self.knots[-1]))
         return np.zeros_like(angle_deg)
-
-    def settled(self, angles: Callable[[Floats], Floats], step_s: Floats) -> Floats:
-        """Solve for the angles that a law which follows the motion leaves, deg.
-
-        Parameters
-        ----------
-        angles : callable
-            True angles at the end of each step for what is added to the pressure, kPa.
-        step_s : (n,) array
-            Lengths of the steps.
-
-        Raises
-        ------
-        ValueError
-            The law is so steep that there is no such motion.
-        """
-        added = np.zeros(step_s.size)
-        angle = angles(added)
-        for _ in range(_ROUNDS):
-            again = angles(self.of_motion(angle, step_s))
-            change = float(np.max(np.abs(again - angle)))
-            angle = again
-            if change < _SETTLED_DEG:
-                return angle
-            if not change < _RUN_AWAY_DEG:
-                break
-        raise ValueError(f"the law at {self.place} is too steep: no motion agrees with it")
 
     def to_effect(self) -> dict[str, Any]:
         """Return the entry of a model's list of effects."""
@@ -263,17 +257,22 @@ def _numbers(given: Any) -> Floats | str:
     return np.array(given, dtype=np.float64)
 
 
-def relaxing(angle_deg: Floats, step_s: Floats, times_s: Floats) -> Floats:
-    """Give what is left of the angle's changes, mean over each step, (n, k) for k times, deg."""
-    return np.asarray(_relaxing(angle_deg, step_s, times_s))
+def relaxing(
+    angle_deg: Floats, step_s: Floats, times_s: Floats, past: Past
+) -> tuple[Floats, Floats]:
+    """Give what is left of the angle's changes: mean over each step (n, k), and at the end (k,)."""
+    stress = past.stress.copy()
+    return np.asarray(_relaxing(angle_deg, step_s, times_s, past.angle_deg, stress)), stress
 
 
 @njit
-def _relaxing(angle: Floats, step: Floats, times: Floats) -> Floats:
-    """States of Maxwell elements, the angle straight within a step."""
+def _relaxing(
+    angle: Floats, step: Floats, times: Floats, before_first: float, stress: Floats
+) -> Floats:
+    """States of Maxwell elements, the angle straight within a step; `stress` is carried on."""
     out = np.empty((angle.size, times.size))
     for k in range(times.size):
-        state, before = 0.0, 0.0
+        state, before = stress[k], before_first
         for i in range(angle.size):
             ratio = step[i] / times[k]
             lost = -math.expm1(-ratio)
@@ -282,6 +281,7 @@ def _relaxing(angle: Floats, step: Floats, times: Floats) -> Floats:
             after = state * (1.0 - lost) + rate * lost
             out[i, k] = (angle[i] - before - after + state) / ratio
             state, before = after, angle[i]
+        stress[k] = state
     return out
 
 
