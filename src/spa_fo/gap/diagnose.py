@@ -233,7 +233,7 @@ def diagnose(
         ),
         model=model,
         next_steps=steps,
-        laws=missing.laws,
+        laws=missing.carried_by(model),
     )
 
 

@@ -99,6 +99,8 @@ class LawFound:
         Named effects that it stands beside.
     over, value, low, high : (n,) arrays
         Its curve over what was visited, and a band that holds it with 95 %.
+    carried : bool
+        Whether the augmented model carries it.
     """
 
     place: str
@@ -112,6 +114,7 @@ class LawFound:
     value: Floats
     low: Floats
     high: Floats
+    carried: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return its entry in diagnosis.json."""
@@ -127,6 +130,7 @@ class LawFound:
             ],
             "log_evidence": self.log_evidence,
             "beside": list(self.beside),
+            "in_model": self.carried,
             "curve": {
                 "of": place.over,
                 "of_unit": place.over_unit,

@@ -16,10 +16,10 @@ from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, fraction_closed, judged, rmse
 from spa_fo.gap.law_problem import LawFit
 from spa_fo.gap.laws import PlacedLaw, drive_law, law_at, place_laws
-from spa_fo.gap.resemblance import Likeness
+from spa_fo.gap.resemblance import likeness_words
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model
-from spa_fo.plant.law import PLACES, Place
+from spa_fo.plant.law import LAW, PLACES
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +51,11 @@ class Missing:
         gained = first.fraction_closed - max(self.known_closed, 0.0)
         worth = first.fraction_closed >= SETTINGS.worth and gained >= SETTINGS.closes
         return first if worth else None
+
+    def carried_by(self, model: Model) -> tuple[LawFound, ...]:
+        """Say of the laws which one a model carries."""
+        places = {effect.get("place") for effect in model.effects if effect["id"] == LAW}
+        return tuple(replace(law, carried=law.place in places) for law in self.laws)
 
 
 NOTHING = Missing((), 0.0)
@@ -176,14 +181,3 @@ def law_finding(missing: Missing, held: HeldOut, evidence: Evidence) -> tuple[st
         f"{first.probability:.2f} among the places. {like}. On {trials} {closed} of the gap closes "
         f"with it, {known} without.",
     )
-
-
-_TIMES = ("time_s", "typical_s")
-
-
-def likeness_words(like: Likeness, place: Place) -> str:
-    """Name a form with its parameter."""
-    name, value = next(iter(like.parameters.items()))
-    unit = {"at": place.over_unit, "scale": place.over_unit, **dict.fromkeys(_TIMES, "s")}.get(name)
-    said = f"{name.removesuffix('_s')} {value:.3g}{f' {unit}' if unit else ''}"
-    return f"{like.form} ({said})"

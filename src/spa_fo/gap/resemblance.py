@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.law_basis import Basis
+from spa_fo.plant.law import Place
 
 Floats = NDArray[np.float64]
 Form = Callable[[Floats, float], Floats]
@@ -23,6 +24,7 @@ _STRAIGHT = 0.9  # a line that gives so much needs no other form beside it
 _FORMS_NAMED = 3
 _RESISTING = ("moment", "damping")  # a load against the motion grows downwards
 _TOGETHER = 0.8  # of a spectrum, in neighbouring times: it is one time
+_TIMES = ("time_s", "typical_s")
 _EXPONENTS = np.concatenate([np.linspace(0.2, 0.96, 39), np.linspace(1.04, 5.0, 100)])
 _SHARES = np.geomspace(0.01, 20.0, 120)  # of the range
 _INSIDE = np.linspace(0.02, 0.9, 80)
@@ -183,3 +185,11 @@ def _of_spectrum(basis: Basis, e: Floats) -> Likeness:
     two = slice(at, at + 2)
     time = float(np.exp(weight[two] @ np.log(basis.knots[two]) / weight[two].sum()))
     return Likeness("one time", share, {"time_s": time}, weight)
+
+
+def likeness_words(like: Likeness, place: Place) -> str:
+    """Name a form with its parameter."""
+    name, value = next(iter(like.parameters.items()))
+    unit = {"at": place.over_unit, "scale": place.over_unit, **dict.fromkeys(_TIMES, "s")}.get(name)
+    said = f"{name.removesuffix('_s')} {value:.3g}{f' {unit}' if unit else ''}"
+    return f"{like.form} ({said})"
