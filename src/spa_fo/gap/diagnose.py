@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.bench import Bench, bench_for
+from spa_fo.gap.bench import bench_for
 from spa_fo.gap.claim import Claim, claim, closes, exact
 from spa_fo.gap.decide import Verdict, decide, stage_shares
 from spa_fo.gap.diagnosis import (
@@ -23,26 +23,19 @@ from spa_fo.gap.diagnosis import (
 )
 from spa_fo.gap.drive import Drive, examine_drive
 from spa_fo.gap.evidence import Evidence, angle_chain, collect
-from spa_fo.gap.explanation import Explanation, augmented_model, explanation_of
+from spa_fo.gap.explanation import Explanation, explanation_of
+from spa_fo.gap.final import model_of, on_all_trials
 from spa_fo.gap.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, rmse
 from spa_fo.gap.interference import NONE, fast_line
 from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
-from spa_fo.gap.missing import (
-    NOTHING,
-    Missing,
-    find_missing,
-    law_finding,
-    law_of_all,
-    with_law,
-)
+from spa_fo.gap.missing import NOTHING, Missing, find_missing, law_finding
 from spa_fo.gap.next_steps import in_words, next_steps
 from spa_fo.gap.search import Explanations, explain
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
-from spa_fo.plant.augmented import ending_memory
 from spa_fo.plant.effects.library import IDS, LIBRARY, STAGES, absent, at_port
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
@@ -187,10 +180,8 @@ def diagnose(
         )
     explained = bool(verdict.sets)
     final = _on_all_trials(examined, verdict, progress) if explained else None
-    missing = (
-        _missing(examined, verdict, claimed, progress) if verdict.kind == "unknown" else NOTHING
-    )
-    model = _model(examined, final, missing, plain)
+    missing = _missing(examined, verdict, claimed, progress)
+    model = model_of(final, missing.worth_a_model, examined.found, everything, held, plain)
     curves = claimed.curves
     located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
     everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
@@ -343,25 +334,14 @@ def _on_all_trials(examined: Examined, verdict: Verdict, progress: Progress) -> 
     """Fit the most probable set that stands once more, to all trials."""
     progress("fitting the explanation once more, to all trials")
     scored = verdict.of(verdict.sets[0])
-    known = exact(scored, examined.found, examined.drive, examined.found.bench)
-    if not examined.held.trials.any():
-        return known
-    bench = _bench_of_all(examined)
-    again = exact(replace(scored, angle=known.angle), examined.found, examined.drive, bench)
-    return explanation_of(scored, again.angle, known.drive)
-
-
-def _bench_of_all(examined: Examined) -> Bench:
-    """Make all trials ready."""
-    if not examined.held.trials.any():
-        return examined.found.bench
-    bench = examined.found.bench.without(np.zeros_like(examined.held.trials))
-    y = examined.found.plain.predicted_deg
-    return bench.with_gap(examined.everything.grid.angle_deg - y, y)
+    e = examined
+    return on_all_trials(scored, e.found, e.drive, e.everything, e.held)
 
 
 def _missing(examined: Examined, verdict: Verdict, claimed: Claim, progress: Progress) -> Missing:
     """Look for what has no name, beside the part that has one."""
+    if verdict.kind != "unknown":
+        return NOTHING
     progress("looking for laws that have no name")
     found, everything = examined.found, examined.everything
     known = Explanation((), found.plain, None, None)
@@ -377,21 +357,6 @@ def _missing(examined: Examined, verdict: Verdict, claimed: Claim, progress: Pro
         examined.floor_deg,
         verdict.unknown_drive if everything.has_pressure else 0.0,
     )
-
-
-def _model(examined: Examined, final: Explanation | None, missing: Missing, plain: Model) -> Model:
-    """Write the model that predicts best: what is known, and a law that is worth it."""
-    law, fit = missing.worth_a_model, None
-    if law is not None:
-        known = final or Explanation((), examined.found.plain, None, None)
-        final, fit = law_of_all(_bench_of_all(examined), known, law)
-    if final is None:
-        return plain
-    model = augmented_model(final, examined.everything, plain)
-    if fit is not None:
-        model = with_law(model, fit)
-    memory = ending_memory(model, examined.data)
-    return replace(model, extra={**model.extra, "memory": memory})
 
 
 def _p_value(verdict: Verdict) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.evidence import Evidence, modelled_pressure
+from spa_fo.gap.evidence import Evidence
 from spa_fo.gap.law_basis import Basis, motion_basis
 from spa_fo.gap.mixed import Normal, Prior, Solution, solve
 from spa_fo.gap.pressure import blur, resolution
@@ -27,8 +27,6 @@ class FillingFit:
     ----------
     evidence : Evidence
         A campaign with command and pressure.
-    effects : array
-        Parameters of all effects, NaN where absent: the law stands behind those of the drive.
 
     Attributes
     ----------
@@ -38,10 +36,11 @@ class FillingFit:
         Its coefficients.
     """
 
-    def __init__(self, evidence: Evidence, effects: Floats) -> None:
+    def __init__(self, evidence: Evidence) -> None:
         grid = evidence.grid
+        assert grid.command_kpa is not None
         assert grid.measured_kpa is not None
-        self._command, self._grid = modelled_pressure(evidence, effects), grid
+        self._command, self._grid = grid.command_kpa, grid
         self._used = evidence.used
         self._measured = grid.measured_kpa[self._used]
         white = evidence.pressure_noise_kpa**2 / grid.counts + resolution(evidence) ** 2 / 12.0

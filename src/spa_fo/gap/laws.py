@@ -106,9 +106,9 @@ def law_at(bench: Bench, base: Fitted, place: str) -> LawFit:
     return max(fits, key=lambda fit: float(fit.logs[0]))
 
 
-def drive_law(evidence: Evidence, base: Fitted, effects: Floats) -> PlacedLaw:
-    """Fit the law of the filling to the measured pressure, behind what the drive is known to do."""
-    found = FillingFit(evidence, effects)
+def drive_law(evidence: Evidence, base: Fitted) -> PlacedLaw:
+    """Fit the law of the filling to the measured pressure, in the place of what the drive does."""
+    found = FillingFit(evidence)
     fit = LawFit(
         basis=found.basis,
         changed=base.changed,

@@ -19,6 +19,7 @@ from spa_fo.gap.laws import PlacedLaw, drive_law, law_at, place_laws
 from spa_fo.gap.resemblance import likeness_words
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model
+from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.law import LAW, PLACES
 
 Floats = NDArray[np.float64]
@@ -34,18 +35,21 @@ class Missing:
     ----------
     laws : tuple of LawFound
         The most probable first.
+    known : tuple of str
+        What has a name.
     known_closed : float
-        Share of the gap that closes on the held-out trials without any law: what is known, or the
-        plain model identified again.
+        Share of the gap that closes on the held-out trials without any law: with what has a name,
+        or with the plain model identified again.
     """
 
     laws: tuple[LawFound, ...]
+    known: tuple[str, ...]
     known_closed: float
 
     @property
     def worth_a_model(self) -> LawFound | None:
-        """The most probable law, where it closes enough of the gap to be used."""
-        if not self.laws:
+        """The most probable law, where it stands beside all that is known and closes enough."""
+        if not self.laws or self.laws[0].beside != self.known:
             return None
         first = self.laws[0]
         gained = first.fraction_closed - max(self.known_closed, 0.0)
@@ -58,7 +62,7 @@ class Missing:
         return tuple(replace(law, carried=law.place in places) for law in self.laws)
 
 
-NOTHING = Missing((), 0.0)
+NOTHING = Missing((), (), 0.0)
 
 
 def find_missing(
@@ -90,15 +94,15 @@ def find_missing(
     drive_share : float
         Probability that what is unknown is the drive's; 0 where no pressure was measured.
     """
-    placed: list[PlacedLaw] = []
+    placed: list[tuple[PlacedLaw, Explanation, float]] = []
     if drive_share > SETTINGS.least:
-        placed.append(replace(_drive_law(bench, known), probability=drive_share))
+        driven = _without_drive(known)
+        placed.append((drive_law(bench.evidence, driven.angle), driven, drive_share))
     if 1.0 - drive_share > SETTINGS.least:
-        placed += [
-            replace(law, probability=law.probability * (1.0 - drive_share))
-            for law in place_laws(bench, known.angle)
-        ]
-    placed.sort(key=lambda law: -law.probability)
+        share = 1.0 - drive_share
+        laws = place_laws(bench, known.angle)
+        placed += [(law, known, share * law.probability) for law in laws]
+    placed.sort(key=lambda each: -each[2])
     where = judged(everything, held)
 
     def closed(curve: Floats) -> float:
@@ -107,14 +111,17 @@ def find_missing(
         return float(fraction_closed(before, after, floor))
 
     found = tuple(
-        _found(law, known.ids, closed(_with(known, law.fit, everything))) for law in placed
+        _found(law, beside.ids, probability, closed(_with(beside, law.fit, everything)))
+        for law, beside, probability in placed
     )
     bare = simulate(known, everything) if known.ids else refit_deg
-    return Missing(found, closed(bare))
+    return Missing(found, known.ids, closed(bare))
 
 
-def _drive_law(bench: Bench, known: Explanation) -> PlacedLaw:
-    return drive_law(bench.evidence, known.angle, known.effects())
+def _without_drive(known: Explanation) -> Explanation:
+    """Leave out what the pressure says of the drive: a law of it stands in its place."""
+    ids = tuple(name for name in known.ids if LIBRARY[name].stage != "drive")
+    return replace(known, ids=ids, drive=None)
 
 
 def _with(known: Explanation, fit: LawFit, everything: Evidence) -> Floats:
@@ -126,7 +133,7 @@ def _beside(known: Explanation, fit: LawFit) -> Explanation:
     return replace(known, angle=replace(known.angle, z=fit.z, effects=fit.effects))
 
 
-def _found(law: PlacedLaw, beside: Sequence[str], closed: float) -> LawFound:
+def _found(law: PlacedLaw, beside: Sequence[str], probability: float, closed: float) -> LawFound:
     basis, fit = law.fit.basis, law.fit
     over = basis.drawn_over()
     curve = basis.curve(over)
@@ -135,7 +142,7 @@ def _found(law: PlacedLaw, beside: Sequence[str], closed: float) -> LawFound:
     return LawFound(
         place=basis.place,
         stage=PLACES[basis.place].stage,
-        probability=law.probability,
+        probability=probability,
         fraction_closed=closed,
         log_evidence=law.nats,
         resembles=law.resembles,
@@ -150,15 +157,10 @@ def _found(law: PlacedLaw, beside: Sequence[str], closed: float) -> LawFound:
 def law_of_all(bench: Bench, known: Explanation, law: LawFound) -> tuple[Explanation, LawFit]:
     """Fit a law once more to the trials of a bench, and what is known beside it."""
     if law.stage == "drive":
-        fit = _drive_law(bench, known).fit
+        fit = drive_law(bench.evidence, known.angle).fit
     else:
         fit = law_at(bench, known.angle, law.place)
     return _beside(known, fit), fit
-
-
-def with_law(model: Model, fit: LawFit) -> Model:
-    """Let an augmented model carry a law."""
-    return replace(model, effects=(*model.effects, fit.law.to_effect()))
 
 
 def law_finding(missing: Missing, held: HeldOut, evidence: Evidence) -> tuple[str, ...]:
