@@ -62,3 +62,12 @@ def filled(command: np.ndarray, starts: np.ndarray, law: Law) -> np.ndarray:
                 p = after
             out[i] = total
     return out
+
+
+def curvature(law: Law) -> float:
+    """∫ f''² over the knots' range, that range being 1, by differences."""
+    t = np.linspace(0.0, 1.0, 20001)
+    width = float(np.ptp(law.knots))
+    f = law.at(law.knots[0] + width * t)
+    second = np.diff(f, 2) / (t[1] - t[0]) ** 2
+    return float(np.sum(second**2) * (t[1] - t[0]))

@@ -118,8 +118,7 @@ def test_dry_friction_holds_the_actuator_however_steep_it_is() -> None:
     plain, _ = chain().angles(plant_cases.X, absent())
     held, _ = with_law(chain(), rubbing).angles(plant_cases.X, absent())
     first = slice(0, chain().grid.trial_steps[0])
-    rising = np.flatnonzero(np.diff(plain[first]) > 0.3)
-    assert (held[rising] < plain[rising]).all()
+    assert held[first].max() < plain[first].max() - 1.0
     # Let go, it comes to rest before it is back.
     assert held[first][-1] > plain[first][-1] + 1.0
 

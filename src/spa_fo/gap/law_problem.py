@@ -249,7 +249,9 @@ def _scale(bench: Bench, ids: Ids, changed: bool, z: Floats, basis: Basis) -> fl
     problem = LawProblem(bench, ids, changed, basis, np.zeros(basis.size), _span(basis))
     moved = problem.tangents(problem.inside(z))[: problem.rows.size]
     size = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
-    return bench.gap_deg / max(size, 1e-12)
+    # A gap that is smaller than the noise says nothing of it.
+    gap_deg = max(bench.gap_deg, bench.noise.spectrum.deviation_deg)
+    return gap_deg / max(size, 1e-12)
 
 
 def _span(basis: Basis) -> float:
