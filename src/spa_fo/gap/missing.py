@@ -52,14 +52,18 @@ class Missing:
         if not self.laws or self.laws[0].beside != self.known:
             return None
         first = self.laws[0]
-        gained = first.fraction_closed - max(self.known_closed, 0.0)
-        worth = first.fraction_closed >= SETTINGS.worth and gained >= SETTINGS.closes
+        worth = first.fraction_closed >= SETTINGS.worth and _gains(first, self)
         return first if worth else None
 
     def carried_by(self, model: Model) -> tuple[LawFound, ...]:
         """Say of the laws which one a model carries."""
         places = {effect.get("place") for effect in model.effects if effect["id"] == LAW}
         return tuple(replace(law, carried=law.place in places) for law in self.laws)
+
+
+def _gains(law: LawFound, missing: Missing) -> bool:
+    """Whether a law closes more than closes without it."""
+    return law.fraction_closed - max(missing.known_closed, 0.0) >= SETTINGS.closes
 
 
 NOTHING = Missing((), (), 0.0)
@@ -177,9 +181,10 @@ def law_finding(missing: Missing, held: HeldOut, evidence: Evidence) -> tuple[st
         like = f"It resembles {likeness_words(first.resembles[0], place)}"
     trials = "trials that took no part" if held.trials.any() else "the fitted trials"
     beside = f" beside {' + '.join(first.beside)}" if first.beside else ""
+    hint = "" if _gains(first, missing) else ": a hint where to look, and no more"
     closed, known = (f"{max(f, 0.0):.0%}" for f in (first.fraction_closed, missing.known_closed))
     return (
         f"A free-form law{beside} is missed most {where}, with probability "
         f"{first.probability:.2f} among the places. {like}. On {trials} {closed} of the gap closes "
-        f"with it, {known} without.",
+        f"with it, {known} without{hint}.",
     )
