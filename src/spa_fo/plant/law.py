@@ -145,6 +145,10 @@ class Law:
         inside = np.clip(over, self.knots[0], self.knots[-1])
         return np.asarray(spline(inside) + np.where(over < inside, low, high) * (over - inside))
 
+    def _in_range(self, order: Floats) -> Floats:
+        """Value by place in the campaign: beyond the knots that of the nearest."""
+        return self.at(np.clip(order, self.knots[0], self.knots[-1]))
+
     def table(self) -> tuple[Floats, Floats]:
         """Lay the law out evenly, so finely that it is straight in between."""
         fine = np.linspace(self.knots[0], self.knots[-1], _FINE * self.knots.size)
@@ -155,7 +159,7 @@ class Law:
         if self.place == "input_map":
             return self.at(pressure_kpa)
         if self.place == "trial_gain":
-            return self.at(order) * pressure_kpa
+            return self._in_range(order) * pressure_kpa
         return np.zeros_like(pressure_kpa)
 
     def of_motion(
@@ -191,7 +195,7 @@ class Law:
         if self.place == "reading":
             return self.at(angle_deg)
         if self.place == "trial_rest":
-            return self.at(np.clip(order, self.knots[0], self.knots[-1]))
+            return self._in_range(order)
         return np.zeros_like(angle_deg)
 
     def to_effect(self) -> dict[str, Any]:
