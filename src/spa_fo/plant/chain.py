@@ -234,15 +234,26 @@ class Chain:
 
     def angles(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials; the true angle (deg) at the end of each step, the film untouched."""
-        grid, memory = self.grid, self.memory.copy()
-        load = self._load(effects, memory.play_kpa)
+        memory = self.memory.copy()
+        return self._moved(self._load(effects, memory.play_kpa), x, effects, memory)
+
+    def _moved(
+        self,
+        load: Floats,
+        x: Floats,
+        effects: Floats,
+        memory: Memory,
+        steps: slice = slice(None),
+    ) -> tuple[Floats, Memory]:
+        """Angle in some steps under the mean of u over each, `memory` carried on in place."""
+        grid = self.grid
         if not math.isnan(effects[DRIVE_BACKLASH]) and not self.is_pressure:
-            load[grid.cells == 0] = _resting(effects) / self.reference_kpa
+            load[grid.cells[steps] == 0] = _resting(effects) / self.reference_kpa
         c = self.contour
         angle = move(
             load,
-            grid.level,
-            grid.middle_s,
+            grid.level[steps],
+            grid.middle_s[steps],
             x,
             effects,
             c.nodes,
