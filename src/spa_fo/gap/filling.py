@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 _TIMES_S = np.geomspace(0.03, 3.0, 13)  # first-order drives that a fit may begin with
 _ROUNDS, _HALVED = 8, 6
 _STEP = 1e-3
+_MOST_ALIKE = 0.99  # correlation of neighbouring samples
 _BLUR = 0.5  # of the change of pressure about a row: when exactly it changed is not known
 
 
@@ -83,7 +84,14 @@ class FillingFit:
                 step = 0.5 * step
             if before - best < 1e-3 * before:
                 break
-        return solution.covariance()[:m, :m]
+        return solution.covariance()[:m, :m] * self._overdone()
+
+    def _overdone(self) -> float:
+        """How much more of the pressure is left, and for longer, than noise would leave."""
+        left = (self._measured - self._predicted(self.e)) / self._sigma
+        square = float(left @ left)
+        alike = min(max(float(left[1:] @ left[:-1]) / square, 0.0), _MOST_ALIKE)
+        return max(square / left.size * (1.0 + alike) / (1.0 - alike), 1.0)
 
     def _solved(self, variances: Floats, scale: float) -> Solution:
         m, here = self.basis.size, self._predicted(self.e)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
+from spa_fo.errors import BadInput
 from spa_fo.gap.bench import Bench
 from spa_fo.gap.claim import exact
 from spa_fo.gap.decide import Scored
@@ -18,6 +20,7 @@ from spa_fo.gap.hold_out import HeldOut
 from spa_fo.gap.missing import law_of_all
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import ending_memory
+from spa_fo.plant.law import Law
 
 
 def on_all_trials(
@@ -66,14 +69,19 @@ def model_of(
     plain : Model
         What is returned where there is neither.
     """
-    effects = []
     if law is not None:
-        known = known or Explanation((), found.plain, None, None)
-        known, fit = law_of_all(bench_of_all(found, everything, held), known, law)
-        effects.append(fit.law.to_effect())
+        bench = bench_of_all(found, everything, held)
+        beside, fit = law_of_all(bench, known or Explanation((), found.plain, None, None), law)
+        with suppress(BadInput):  # too steep for the steps that a prediction takes
+            return _written(augmented_model(beside, everything, plain), everything, fit.law)
     if known is None:
         return plain
-    model = augmented_model(known, everything, plain)
-    model = replace(model, effects=(*model.effects, *effects))
+    return _written(augmented_model(known, everything, plain), everything)
+
+
+def _written(model: Model, everything: Evidence, law: Law | None = None) -> Model:
+    """Let a model carry a law, and what the specimen remembers at the end."""
+    if law is not None:
+        model = replace(model, effects=(*model.effects, law.to_effect()))
     memory = ending_memory(model, everything.data)
     return replace(model, extra={**model.extra, "memory": memory})

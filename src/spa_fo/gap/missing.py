@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,10 +103,9 @@ def find_missing(
     if drive_share > SETTINGS.least:
         driven = _without_drive(known)
         placed.append((drive_law(bench.evidence, driven.angle), driven, drive_share))
-    if 1.0 - drive_share > SETTINGS.least:
-        share = 1.0 - drive_share
-        laws = place_laws(bench, known.angle)
-        placed += [(law, known, share * law.probability) for law in laws]
+    # The pressure and the angle are asked apart: each may lack something.
+    laws = place_laws(bench, known.angle)
+    placed += [(law, known, (1.0 - drive_share) * law.probability) for law in laws]
     placed.sort(key=lambda each: -each[2])
     where = judged(everything, held)
 
@@ -114,12 +114,13 @@ def find_missing(
         before, after = (rmse(everything, each, where) ** 2 for each in (plain_deg, curve))
         return float(fraction_closed(before, after, floor))
 
-    found = tuple(
-        _found(law, beside.ids, probability, closed(_with(beside, law.fit, everything)))
-        for law, beside, probability in placed
-    )
+    found = []
+    for law, beside, probability in placed:
+        with suppress(ValueError):  # too steep for a motion that no fitted trial shows
+            curve = _with(beside, law.fit, everything)
+            found.append(_found(law, beside.ids, probability, closed(curve)))
     bare = simulate(known, everything) if known.ids else refit_deg
-    return Missing(found, known.ids, closed(bare))
+    return Missing(tuple(found), known.ids, closed(bare))
 
 
 def _without_drive(known: Explanation) -> Explanation:
