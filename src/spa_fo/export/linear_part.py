@@ -9,6 +9,7 @@ from spa_fo.errors import BadInput
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import effects_vector
 from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.static_curve import ID as STATIC_CURVE
 
 # Behind the angle: how it was read and logged, not how the actuator moves.
 _MEASURING = ("sensor", "acquisition")
@@ -69,6 +70,9 @@ def linear_part(
     included, left_out, measuring = [], [], []
     for effect in model.effects:
         name = effect["id"]
+        if name == STATIC_CURVE:
+            left_out.append(name)
+            continue
         values = vector[LIBRARY[name].slots]
         if LIBRARY[name].stage in _MEASURING:
             measuring.append(name)

@@ -16,6 +16,7 @@ from spa_fo.plant.chain import Chain, Memory, Seat, chain_for
 from spa_fo.plant.effects.library import IDS, LIBRARY, Effect, Parameter, absent
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.model_file import Model
+from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import Campaign, CampaignData, Trial
 from spa_fo.validation import suggestion
 
@@ -32,7 +33,7 @@ def effects_vector(model: Model, source: Source = "model") -> Floats:
     """Return the parameters of all effects in the library's order, NaN where absent.
 
     The parameters of ``parameter_shift`` are for the reader: its coefficients already stand in
-    the transfer function.
+    the transfer function. A static curve is none of the library (`static_curve.curve_of`).
 
     Parameters
     ----------
@@ -49,6 +50,8 @@ def effects_vector(model: Model, source: Source = "model") -> Floats:
     """
     vector = absent()
     seen: set[str] = set()
+    if curve_of(model, source) is not None:
+        return vector
     for index, effect in enumerate(model.effects):
         entry = _Entry(effect, f"effects[{index}]", source)
         form = entry.form()
