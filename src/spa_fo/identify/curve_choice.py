@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -75,12 +76,14 @@ class CurveChoice:
     curve : StaticCurve or None
         In kPa and degrees; None where the choice is the plain model.
     bic : dict
-        Of each form that was tried, less the plain model's; empty where the independent samples are
-        too few.
+        Of each form that was tried, less the plain model's; empty where the independent samples
+        are too few.
     held_out : str
         "level" or "log": what was left out at a time; empty for a single log.
     left_out : tuple of LeftOut
-    reference_kpa : float
+    in_order : bool
+        Whether the levels rise or fall with the order of the logs, so that a change with time looks
+        like one with the level.
     """
 
     plain: CurveFit
@@ -89,7 +92,7 @@ class CurveChoice:
     bic: dict[str, float]
     held_out: str
     left_out: tuple[LeftOut, ...]
-    reference_kpa: float
+    in_order: bool
 
     @property
     def closed(self) -> float | None:
@@ -147,6 +150,7 @@ class CurveChoice:
             "bic_less_plain": self.bic,
             "left_out_by": self.held_out or None,
             "left_out": [asdict(one) for one in self.left_out],
+            "levels_in_order": self.in_order,
             "squared_error_closed": self.closed,
         }
 
@@ -182,7 +186,7 @@ def choose_curve(logs: Sequence[LogData], plain: Optimum, reference_kpa: float) 
         else {},
         held_out=held_out,
         left_out=tuple(_leave_out(logs, plain, *part) for part in parts),
-        reference_kpa=reference_kpa,
+        in_order=held_out == "level" and _in_order(logs),
     )
 
 
@@ -221,10 +225,19 @@ def _levels(logs: Sequence[LogData]) -> list[list[int]]:
         else:
             levels.append([i])
     while len(levels) > _MOST_PARTS:
-        apart = [top[b[0]] / top[a[-1]] for a, b in zip(levels, levels[1:], strict=False)]
+        apart = [top[b[0]] / top[a[-1]] for a, b in pairwise(levels)]
         nearest = int(np.argmin(apart))
         levels[nearest : nearest + 2] = [levels[nearest] + levels[nearest + 1]]
     return levels
+
+
+def _in_order(logs: Sequence[LogData]) -> bool:
+    """Say whether the highest inputs only rise, or only fall, from one log to the next."""
+    in_time = sorted(logs, key=lambda log: log.trial.order)
+    top = np.array([log.u.max() for log in in_time])
+    ratios = top[1:] / top[:-1]
+    rises, falls = ratios > 1.0 + SAME_LEVEL, ratios < 1.0 / (1.0 + SAME_LEVEL)
+    return bool(rises.any() != falls.any())
 
 
 def _fits(logs: Sequence[LogData], plain: Optimum) -> Iterator[CurveFit]:
@@ -282,7 +295,7 @@ def _leave_out(
 
 
 def _in_units(fit: CurveFit, reference_kpa: float) -> StaticCurve | None:
-    """Turn a fit into a curve in kPa and degrees; conditioning alone stands beside a straight one."""
+    """Turn a fit into a curve in kPa and degrees; beside conditioning alone, a straight one."""
     if fit.form == PLAIN:
         return None
     conditioning = None

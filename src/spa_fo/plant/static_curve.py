@@ -64,8 +64,8 @@ class MonotoneCurve:
 
 def mean_weights(knots: Floats) -> Floats:
     """Return the weights of slopes at knots whose sum is the mean slope between first and last."""
-    share = np.diff(knots) / (knots[-1] - knots[0])
-    return 0.5 * (np.append(share, 0.0) + np.append(0.0, share))
+    share: Floats = np.diff(knots) / (knots[-1] - knots[0])
+    return np.asarray(0.5 * (np.append(share, 0.0) + np.append(0.0, share)))
 
 
 def integrated_hats(knots: Floats, x: Floats) -> Floats:
