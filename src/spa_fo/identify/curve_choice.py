@@ -99,10 +99,13 @@ class CurveChoice:
         """Share of the plain model's squared error on what was left out that is closed."""
         if not self.left_out:
             return None
+        return 1.0 - (self.left_out_deg("curved") / self.left_out_deg("plain")) ** 2
+
+    def left_out_deg(self, which: str) -> float:
+        """Return the RMS error over all that was left out, of the "plain" or the "curved" model."""
         samples = np.array([one.samples for one in self.left_out], dtype=float)
-        plain = samples @ np.square([one.plain_deg for one in self.left_out])
-        curved = samples @ np.square([one.curved_deg for one in self.left_out])
-        return float(1.0 - curved / plain)
+        errors = np.array([getattr(one, f"{which}_deg") for one in self.left_out])
+        return float(np.sqrt(samples @ errors**2 / samples.sum()))
 
     @property
     def better(self) -> int:
