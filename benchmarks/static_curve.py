@@ -142,8 +142,8 @@ def run(measured: Measured, name: str, data: Path, work: Path) -> CurveChoice:
 def table(found: dict[str, CurveChoice]) -> str:
     """Write what is gained, a row a campaign, and the soft arm's levels one by one."""
     rows = [
-        "| campaign | left out, one at a time | plain, left out | curved, left out | closed | better "
-        "| plain, fitted | best form, fitted | its form | kept |",
+        "| campaign | left out, one at a time | plain, left out | curved, left out | closed "
+        "| better | plain, fitted | best form, fitted | its form | kept |",
         "|---|---|--:|--:|--:|--:|--:|--:|---|---|",
         *(_row(name, choice) for name, choice in found.items()),
     ]
@@ -151,7 +151,8 @@ def table(found: dict[str, CurveChoice]) -> str:
     for name, choice in found.items():
         if choice.held_out == "level":
             levels += [
-                f"| {name}: {one.name} | {one.plain_deg:.2f}° | {one.curved_deg:.2f}° | {one.form} |"
+                f"| {name}: {one.name} | {one.plain_deg:.2f}° | {one.curved_deg:.2f}° "
+                f"| {one.form} |"
                 for one in choice.left_out
             ]
     return "\n".join(rows) + "\n\n" + "\n".join(levels)

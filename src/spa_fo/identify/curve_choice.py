@@ -18,7 +18,15 @@ import numpy as np
 
 from spa_fo.identify.polish import Optimum
 from spa_fo.identify.selection import criteria, independent_samples
-from spa_fo.identify.static_curve import PLAIN, CurveFit, Form, fit_form, plain_fit
+from spa_fo.identify.static_curve import (
+    PLAIN,
+    CurveFit,
+    Form,
+    fit_form,
+    plain_fit,
+    top_angle,
+    top_level,
+)
 from spa_fo.identify.whole_log import LogData, fit_whole_logs
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.static_curve import (
@@ -175,7 +183,14 @@ def choose_curve(logs: Sequence[LogData], plain: Optimum, reference_kpa: float) 
         Their plain least squares.
     reference_kpa : float
         Pressure at which u = 1.
+
+    Raises
+    ------
+    ValueError
+        The input never rises above zero, or the angle hardly ever does.
     """
+    if top_level(logs) <= 0.0 or top_angle(logs) <= 0.0:
+        raise ValueError("expected an input and an angle that rise above 0")
     fits = list(_fits(logs, plain))
     bic = _bic(fits)
     best = _smallest(fits, bic)
@@ -247,12 +262,11 @@ def _fits(logs: Sequence[LogData], plain: Optimum) -> Iterator[CurveFit]:
     """Fit the plain model, curves of every place and size, and the best of these conditioned."""
     fits = [plain_fit(logs, plain)]
     for position in POSITIONS:
-        fits += [fit_form(logs, Form(position, knots), plain, fits[0]) for knots in KNOTS]
+        fits += [fit_form(logs, Form(position, knots), plain.bounds, fits[0]) for knots in KNOTS]
     yield from fits
     best = _smallest(fits, _bic(fits))
     for time_s in TIMES_S:
-        form = replace(best.form, time_s=time_s)
-        yield fit_form(logs, form, plain, best)
+        yield fit_form(logs, replace(best.form, time_s=time_s), plain.bounds, best)
 
 
 def _bic(fits: Sequence[CurveFit]) -> list[float]:

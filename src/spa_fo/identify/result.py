@@ -284,8 +284,15 @@ def _fit_logs(
         left_out=tuple(f"{label}: no {signal} in its log" for label in without),
         log_errors=errors,
         orders=orders,
-        curve=choose_curve(logs, optimum, campaign.reference_kpa) if static_curve else None,
+        curve=_curve(logs, optimum, data) if static_curve else None,
     )
+
+
+def _curve(logs: list[LogData], optimum: Optimum, data: CampaignData) -> CurveChoice:
+    try:
+        return choose_curve(logs, optimum, data.campaign.reference_kpa)
+    except ValueError as error:
+        raise BadInput(data.campaign.yaml, f"a static curve: {error}", "experiments") from None
 
 
 def _refuse_stillness(data: CampaignData) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from spa_fo.fractional import ResponseMap, input_map
+from spa_fo.identify.bounds import Bounds
 from spa_fo.identify.polish import Optimum
 from spa_fo.identify.selection import independent_samples
 from spa_fo.identify.whole_log import LogData, Scaled
@@ -37,6 +38,7 @@ _ANYWHERE = 5.0  # that of a log slope by itself: only keeps the common factor f
 _STEEPEST = 6.0  # bound of a log slope
 _MOST = 2.0  # bounds of set (rad) and softening
 _EVALUATIONS = 80
+_ROUNDS = 2
 _TOLERANCE = 1e-8
 
 
@@ -129,57 +131,66 @@ def top_level(logs: Sequence[LogData]) -> float:
     return max(float(log.u.max()) for log in logs)
 
 
-def fit_form(logs: Sequence[LogData], form: Form, plain: Optimum, start: CurveFit) -> CurveFit:
+def top_angle(logs: Sequence[LogData]) -> float:
+    """Return the highest angle of all logs but for its outliers, rad."""
+    return max(float(np.percentile(log.angle_rad[log.known], 99.0)) for log in logs)
+
+
+def fit_form(logs: Sequence[LogData], form: Form, bounds: Bounds, start: CurveFit) -> CurveFit:
     """Fit one form.
+
+    The prior of the slopes is weighed against the misfit, first that of the start, then that of
+    the form itself.
 
     Parameters
     ----------
     logs : sequence of LogData
     form : Form
         Any but the plain one.
-    plain : Optimum
-        Of the same logs: its bounds are kept, and its misfit is the noise that the prior of the
-        slopes is weighed against.
+    bounds : Bounds
+        Of the linear part.
     start : CurveFit
-        Where to start: the plain model, or the same curve without conditioning.
+        The plain model of these logs, or the same curve without conditioning.
     """
-    problem = _Problem(logs, form, plain, start)
+    problem = _Problem(logs, form, bounds)
+    fit, q = start, problem.start(start)
     lower, upper = problem.box()
-    result = least_squares(
-        problem.residual,
-        np.clip(problem.start(start), lower + 1e-9, upper - 1e-9),
-        jac=problem.jacobian,
-        bounds=(lower, upper),
-        x_scale="jac",
-        ftol=_TOLERANCE,
-        xtol=_TOLERANCE,
-        max_nfev=_EVALUATIONS,
-    )
-    return problem.result(result.x, bool(result.status > 0))
+    for _ in range(_ROUNDS):
+        problem.noise = _noise(fit)
+        result = least_squares(
+            problem.residual,
+            np.clip(q, lower + 1e-9, upper - 1e-9),
+            jac=problem.jacobian,
+            bounds=(lower, upper),
+            x_scale="jac",
+            ftol=_TOLERANCE,
+            xtol=_TOLERANCE,
+            max_nfev=_EVALUATIONS,
+        )
+        q = result.x
+        fit = problem.result(q, bool(result.status > 0))
+    return fit
 
 
 class _Problem:
     """Residuals of all logs, weighed against the prior; q = z, log slopes, set and softening."""
 
-    def __init__(
-        self, logs: Sequence[LogData], form: Form, plain: Optimum, start: CurveFit
-    ) -> None:
+    def __init__(self, logs: Sequence[LogData], form: Form, bounds: Bounds) -> None:
         self.logs, self.form = logs, form
-        self.scaled = Scaled(plain.bounds)
+        self.scaled = Scaled(bounds)
         self.top = top_level(logs)
         self.known = [log.known for log in logs]
         self.measured = np.concatenate([log.angle_rad[log.known] for log in logs])
-        self.noise = _noise(plain_fit(logs, plain))
-        self.knots = self._knots(plain)
+        self.noise = 1.0
+        self.knots = self._knots()
         self.weights = mean_weights(self.knots) if form.position else np.zeros(0)
         self.size = 5 + form.knots + (0 if form.time_s is None else 2)
 
-    def _knots(self, plain: Optimum) -> Floats:
+    def _knots(self) -> Floats:
         if self.form.position == BEFORE:
             return np.linspace(0.0, self.top, self.form.knots)
         # Behind, the linear part's output is not known yet: the range of the angle stands for it.
-        highest = max(float(np.percentile(log.angle_rad[log.known], 99.0)) for log in self.logs)
-        return np.linspace(0.0, highest, self.form.knots)
+        return np.linspace(0.0, top_angle(self.logs), self.form.knots)
 
     @cached_property
     def maps(self) -> list[list[ResponseMap]]:
@@ -291,8 +302,6 @@ class _Problem:
         )
 
 
-def _noise(plain: CurveFit) -> float:
-    """Return the plain misfit, rad, as that of as many samples as are independent."""
-    samples = sum(one.size for one in plain.residuals)
-    independent = independent_samples(plain.residuals)
-    return max(1e-6, float(np.sqrt(plain.squares / independent)) if samples else 0.0)
+def _noise(fit: CurveFit) -> float:
+    """Return the misfit, rad, as that of as many samples as are independent."""
+    return max(1e-6, float(np.sqrt(fit.squares / independent_samples(fit.residuals))))
