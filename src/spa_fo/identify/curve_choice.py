@@ -172,7 +172,13 @@ def rms_deg(fit: CurveFit) -> float:
     return float(np.degrees(np.sqrt(fit.squares / samples)))
 
 
-def choose_curve(logs: Sequence[LogData], plain: Optimum, reference_kpa: float) -> CurveChoice:
+def choose_curve(
+    logs: Sequence[LogData],
+    plain: Optimum,
+    reference_kpa: float,
+    times_s: Sequence[float] = TIMES_S,
+    unit: str = "kPa",
+) -> CurveChoice:
     """Choose a curve for logs whose plain model is known.
 
     Parameters
@@ -183,6 +189,10 @@ def choose_curve(logs: Sequence[LogData], plain: Optimum, reference_kpa: float) 
         Their plain least squares.
     reference_kpa : float
         Pressure at which u = 1.
+    times_s : sequence of float
+        Time constants of the conditioning to try.
+    unit : str
+        Of the levels, for their names.
 
     Raises
     ------
@@ -191,10 +201,10 @@ def choose_curve(logs: Sequence[LogData], plain: Optimum, reference_kpa: float) 
     """
     if top_level(logs) <= 0.0 or top_angle(logs) <= 0.0:
         raise ValueError("expected an input and an angle that rise above 0")
-    fits = list(_fits(logs, plain))
+    fits = list(_fits(logs, plain, times_s))
     bic = _bic(fits)
     best = _smallest(fits, bic)
-    held_out, parts = parts_of(logs, reference_kpa)
+    held_out, parts = parts_of(logs, reference_kpa, unit)
     return CurveChoice(
         plain=fits[0],
         fit=best,
@@ -203,13 +213,13 @@ def choose_curve(logs: Sequence[LogData], plain: Optimum, reference_kpa: float) 
         if bic
         else {},
         held_out=held_out,
-        left_out=tuple(_leave_out(logs, plain, *part) for part in parts),
+        left_out=tuple(_leave_out(logs, plain, times_s, *part) for part in parts),
         in_order=held_out == "level" and _in_order(logs),
     )
 
 
 def parts_of(
-    logs: Sequence[LogData], reference_kpa: float
+    logs: Sequence[LogData], reference_kpa: float, unit: str = "kPa"
 ) -> tuple[str, list[tuple[str, frozenset[int]]]]:
     """Say what is left out at a time: whole levels, or logs where there is but one level.
 
@@ -225,7 +235,7 @@ def parts_of(
     levels = _levels(logs)
     if len(levels) > 1:
         tops = [max(float(logs[i].u.max()) for i in level) for level in levels]
-        names = [f"up to {top * reference_kpa:.3g} kPa" for top in tops]
+        names = [f"up to {top * reference_kpa:.3g} {unit}" for top in tops]
         return "level", list(zip(names, map(frozenset, levels), strict=True))
     joined = np.array_split(np.arange(len(logs)), min(_MOST_PARTS, len(logs)))
     return "log", [
@@ -258,14 +268,14 @@ def _in_order(logs: Sequence[LogData]) -> bool:
     return bool(rises.any() != falls.any())
 
 
-def _fits(logs: Sequence[LogData], plain: Optimum) -> Iterator[CurveFit]:
+def _fits(logs: Sequence[LogData], plain: Optimum, times_s: Sequence[float]) -> Iterator[CurveFit]:
     """Fit the plain model, curves of every place and size, and the best of these conditioned."""
     fits = [plain_fit(logs, plain)]
     for position in POSITIONS:
         fits += [fit_form(logs, Form(position, knots), plain.bounds, fits[0]) for knots in KNOTS]
     yield from fits
     best = _smallest(fits, _bic(fits))
-    for time_s in TIMES_S:
+    for time_s in times_s:
         yield fit_form(logs, replace(best.form, time_s=time_s), plain.bounds, best)
 
 
@@ -288,13 +298,17 @@ def _smallest(fits: Sequence[CurveFit], bic: Sequence[float]) -> CurveFit:
 
 
 def _leave_out(
-    logs: Sequence[LogData], plain: Optimum, name: str, left_out: frozenset[int]
+    logs: Sequence[LogData],
+    plain: Optimum,
+    times_s: Sequence[float],
+    name: str,
+    left_out: frozenset[int],
 ) -> LeftOut:
     """Choose and fit without some logs, and predict these."""
     fitted = [log for i, log in enumerate(logs) if i not in left_out]
     away = [logs[i] for i in sorted(left_out)]
     without = fit_whole_logs(fitted, plain.bounds, [plain.x])
-    fits = list(_fits(fitted, without))
+    fits = list(_fits(fitted, without, times_s))
     best = _smallest(fits, _bic(fits))
     missed = {
         fit.form: np.concatenate([fit.residual(log) for log in away]) for fit in (fits[0], best)

@@ -16,7 +16,7 @@ def curve_lines(choice: CurveChoice) -> list[str]:
     """Return the part of the fit report about the static curve, line by line."""
     lines = [*_chosen(choice)]
     if choice.left_out:
-        lines += ["", *_left_out(choice)]
+        lines += ["", *left_out_table(choice)]
     return [*lines, *wrap(curve_verdict(choice), _WIDTH, subsequent_indent="  ")]
 
 
@@ -26,7 +26,7 @@ def curve_verdict(choice: CurveChoice) -> str:
         return "No static curve: the logs hold too few independent samples to choose one."
     if choice.curve is None:
         return f"No static curve: of {len(choice.bic)} forms the plain model has the smallest BIC."
-    gain = _gain(choice)
+    gain = gain_text(choice)
     if not choice.kept:
         return (
             f"No static curve: it fits better, but {gain}. What it gains on the logs it was fitted "
@@ -48,7 +48,8 @@ def curve_verdict(choice: CurveChoice) -> str:
     return said
 
 
-def _gain(choice: CurveChoice) -> str:
+def gain_text(choice: CurveChoice) -> str:
+    """Say what a curve gains on what was left out."""
     closed = choice.closed or 0.0
     change = "closes {:.0f} % of" if closed >= 0.0 else "adds {:.0f} % to"
     return (
@@ -80,7 +81,7 @@ def described(curve: StaticCurve) -> Iterator[str]:
     unit, what = ("kPa", "pressure") if curve.position == BEFORE else ("°", "linear angle")
     knots = [f"{knot:.3g}" for knot in curve.curve.knots]
     rows = [[what, *knots, unit], ["slope", *(f"{one:.2f}" for one in curve.curve.slopes), ""]]
-    yield from _table(rows)
+    yield from table(rows)
     effect = curve.conditioning
     if effect is not None:
         yield (
@@ -89,22 +90,24 @@ def described(curve: StaticCurve) -> Iterator[str]:
         )
 
 
-def _left_out(choice: CurveChoice) -> Iterator[str]:
+def left_out_table(choice: CurveChoice, unit: str = "°") -> Iterator[str]:
+    """Say how each part that was left out is predicted, a line each."""
     rows = [[f"left-out {choice.held_out}", "logs", "plain", "curved", "chosen without it"]]
     rows += [
         [
             one.name + (" (beyond the others)" if one.beyond else ""),
             f"{one.logs}",
-            f"{one.plain_deg:.3f}°",
-            f"{one.curved_deg:.3f}°",
+            f"{one.plain_deg:.3f}{unit}",
+            f"{one.curved_deg:.3f}{unit}",
             one.form,
         ]
         for one in choice.left_out
     ]
-    return _table(rows)
+    return table(rows)
 
 
-def _table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+def table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Lay rows out; what is between the first and the last column stands to the right."""
     last = len(rows[0]) - 1
     widths = [max(len(row[i]) for row in rows) for i in range(last + 1)]
     for row in rows:

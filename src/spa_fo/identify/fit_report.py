@@ -29,6 +29,8 @@ def fit_report(result: FitResult) -> str:
         lines += ["", *order_lines(result.orders)]
     if result.curve is not None:
         lines += ["", *curve_lines(result.curve)]
+    if result.drive is not None:
+        lines += ["", *result.drive.lines()]
     strong = strong_correlations(result.uncertainty) if result.uncertainty else []
     if strong:
         pairs = [f"{a} {b} {value:+.4f}" for a, b, value in strong]

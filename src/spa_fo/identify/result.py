@@ -14,6 +14,8 @@ from spa_fo.errors import BadInput
 from spa_fo.fractional import simulate, step_map
 from spa_fo.identify.bounds import Bounds
 from spa_fo.identify.curve_choice import CurveChoice, choose_curve
+from spa_fo.identify.drive_fit import KEY as DRIVE
+from spa_fo.identify.drive_fit import DriveFit, fit_drive
 from spa_fo.identify.moderate import WORTH, moderate_optimum
 from spa_fo.identify.polish import Optimum, fit_optimum
 from spa_fo.identify.protocol import StepData, is_step, step_data
@@ -85,6 +87,8 @@ class FitResult:
         The model beside those of integer order, on the same samples.
     curve : CurveChoice or None
         A static curve beside the plain model, where one was asked for.
+    drive : DriveFit or None
+        From command to pressure, where a curve was asked for and the command is no pressure.
     left_out : tuple of str
         Trials not used, and why.
     data : StepData or None
@@ -104,11 +108,15 @@ class FitResult:
     log_errors: Floats | None = None
     orders: OrderComparison | None = None
     curve: CurveChoice | None = None
+    drive: DriveFit | None = None
 
     @property
     def chosen_model(self) -> Model:
         """The model with its static curve, where one was asked for and is worth having."""
-        return self.model if self.curve is None else self.curve.augment(self.model)
+        model = self.model if self.curve is None else self.curve.augment(self.model)
+        if self.drive is None:
+            return model
+        return replace(model, extra={**model.extra, DRIVE: self.drive.to_dict()})
 
     @property
     def gain(self) -> float:
@@ -156,6 +164,7 @@ class FitResult:
             else dict(zip(QUANTITIES, self.log_errors, strict=True)),
             "orders": None if self.orders is None else self.orders.to_dict(),
             "static_curve": None if self.curve is None else self.curve.to_dict(),
+            "drive": None if self.drive is None else self.drive.to_dict(),
             "left_out": self.left_out,
             "warnings": self.warnings,
         }
@@ -285,6 +294,7 @@ def _fit_logs(
         log_errors=errors,
         orders=orders,
         curve=_curve(logs, optimum, data) if static_curve else None,
+        drive=fit_drive(data) if static_curve else None,
     )
 
 
