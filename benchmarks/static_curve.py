@@ -143,8 +143,8 @@ def table(found: dict[str, CurveChoice]) -> str:
     """Write what is gained, a row a campaign, and the soft arm's levels one by one."""
     rows = [
         "| campaign | left out, one at a time | plain, left out | curved, left out | closed "
-        "| better | plain, fitted | best form, fitted | its form | kept |",
-        "|---|---|--:|--:|--:|--:|--:|--:|---|---|",
+        "| closed within | better | plain, fitted | best form, fitted | its form | kept |",
+        "|---|---|--:|--:|--:|--:|--:|--:|--:|---|---|",
         *(_row(name, choice) for name, choice in found.items()),
     ]
     levels = ["| left-out level | plain | curved | chosen without it |", "|---|--:|--:|---|"]
@@ -162,9 +162,10 @@ def _row(name: str, choice: CurveChoice) -> str:
     fitted = f"{choice.plain_deg:.2f}° | {choice.curved_deg:.2f}° | {choice.fit.form} |"
     kept = "yes" if choice.kept else "no"
     if choice.closed is None:
-        return f"| {name} | nothing: one log | | | | | {fitted} {kept} |"
+        return f"| {name} | nothing: one log | | | | | | {fitted} {kept} |"
     parts = len(choice.left_out)
-    share = f"{100.0 * choice.closed:.0f} %"
+    within = choice.closed_within
+    share = f"{100.0 * choice.closed:.0f} % | {'' if within is None else f'{100.0 * within:.0f} %'}"
     out = f"{choice.left_out_deg('plain'):.2f}° | {choice.left_out_deg('curved'):.2f}°"
     what = f"{parts} {choice.held_out}s"
     return f"| {name} | {what} | {out} | {share} | {choice.better} of {parts} | {fitted} {kept} |"

@@ -93,6 +93,8 @@ def test_left_out_levels_say_what_it_gains(before: CurveChoice) -> None:
     assert all(one.curved_deg < 0.5 * one.plain_deg for one in inside)
     assert before.closed is not None
     assert before.closed > 0.6
+    assert before.closed_within is not None
+    assert before.closed_within > before.closed
     assert not before.in_order
 
 
@@ -392,6 +394,46 @@ def test_a_command_that_cannot_use_it_says_so_in_one_line(
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
     assert not places["new"].exists()
+
+
+def test_a_pump_has_a_curve_of_its_own(tmp_path: Path) -> None:
+    """A pump whose pressure rises with the square of its PWM, in half a second."""
+    arm = tmp_path / "pump"
+    arm.mkdir()
+    experiments = []
+    for order, top in enumerate((60.0, 100.0, 40.0, 80.0), 1):
+        pwm = np.tile(np.repeat([0.0, top, 0.0], [12, 60, 48]), 2)
+        t = np.arange(pwm.size) / RATE_HZ
+        noise = np.random.default_rng(order).normal(0.0, 0.1, (2, t.size))
+        kpa = simulate(t, 40.0 * (pwm / 100.0) ** 2, 1.02, 1.0, 1e-3, 2.0, 2.0, hold="zero")
+        angle = np.degrees(simulate(t, kpa / REFERENCE_KPA, *TRUTH))
+        columns = zip(t, pwm, kpa + noise[0], angle + noise[1], strict=True)
+        rows = [",".join(f"{value:.4f}" for value in row) for row in columns]
+        file = f"pwm_{top:.0f}.csv"
+        (arm / file).write_text("t,command,pressure,angle\n" + "\n".join(rows) + "\n")
+        trials = [{"file": file, "order": order, "started_s": 100.0 * order}]
+        experiments.append({"name": file[:-4], "protocol": "free", "trials": trials})
+    document = campaigns.document("pump", experiments)
+    document["log"]["columns"]["command"]["unit"] = "1"
+    document["log"]["columns"]["pressure"] = {"column": "pressure", "unit": "kPa"}
+    campaigns.write_yaml(arm, document)
+    campaigns.write_sums(arm)
+    result = Campaign.load(arm).fit(static_curve=True, input="pressure")
+    drive = result.result.drive
+    assert drive is not None
+    assert drive.curve is not None
+    assert drive.curve.position == "before"
+    assert drive.rise_s == pytest.approx(0.5, abs=0.06)
+    pwm = np.array([40.0, 60.0, 80.0])
+    np.testing.assert_allclose(drive.curve.curve(pwm), pwm**2 / 100.0, atol=2.0)
+    entry = result.model.document.extra["drive"]
+    assert entry["output"] == {"unit": "kPa"}
+    gain = entry["transfer_function"]["b0"] / entry["transfer_function"]["a0"]
+    assert gain == pytest.approx(40.0, rel=0.03)
+    assert "drive: the command is no pressure; curve before" in str(result)
+    # The angle is linear in the pressure: no curve of the actuator's own.
+    assert result.result.curve is not None
+    assert not result.result.curve.kept
 
 
 def test_vacuum_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -105,15 +105,17 @@ class CurveChoice:
     @property
     def closed(self) -> float | None:
         """Share of the plain model's squared error on what was left out that is closed."""
-        if not self.left_out:
-            return None
-        return 1.0 - (self.left_out_deg("curved") / self.left_out_deg("plain")) ** 2
+        return _closed(self.left_out)
+
+    @property
+    def closed_within(self) -> float | None:
+        """The same of the levels that lie within the others; None where none is beyond them."""
+        within = [one for one in self.left_out if not one.beyond]
+        return _closed(within) if len(within) < len(self.left_out) else None
 
     def left_out_deg(self, which: str) -> float:
         """Return the RMS error over all that was left out, of the "plain" or the "curved" model."""
-        samples = np.array([one.samples for one in self.left_out], dtype=float)
-        errors = np.array([getattr(one, f"{which}_deg") for one in self.left_out])
-        return float(np.sqrt(samples @ errors**2 / samples.sum()))
+        return _pooled(self.left_out, which)
 
     @property
     def better(self) -> int:
@@ -163,7 +165,18 @@ class CurveChoice:
             "left_out": [asdict(one) for one in self.left_out],
             "levels_in_order": self.in_order,
             "squared_error_closed": self.closed,
+            "squared_error_closed_within": self.closed_within,
         }
+
+
+def _closed(parts: Sequence[LeftOut]) -> float | None:
+    return 1.0 - (_pooled(parts, "curved") / _pooled(parts, "plain")) ** 2 if parts else None
+
+
+def _pooled(parts: Sequence[LeftOut], which: str) -> float:
+    samples = np.array([one.samples for one in parts], dtype=float)
+    errors = np.array([getattr(one, f"{which}_deg") for one in parts])
+    return float(np.sqrt(samples @ errors**2 / samples.sum()))
 
 
 def rms_deg(fit: CurveFit) -> float:

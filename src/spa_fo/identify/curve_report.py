@@ -50,11 +50,13 @@ def curve_verdict(choice: CurveChoice) -> str:
 
 def gain_text(choice: CurveChoice) -> str:
     """Say what a curve gains on what was left out."""
-    closed = choice.closed or 0.0
+    closed, within = choice.closed or 0.0, choice.closed_within
     change = "closes {:.0f} % of" if closed >= 0.0 else "adds {:.0f} % to"
+    levels = "" if within is None else f" ({100.0 * within:.0f} % on those within the others)"
     return (
         f"on left-out {choice.held_out}s it {change.format(100.0 * abs(closed))} the plain "
-        f"model's squared error, and predicts {choice.better} of {len(choice.left_out)} better"
+        f"model's squared error{levels}, and predicts {choice.better} of "
+        f"{len(choice.left_out)} better"
     )
 
 

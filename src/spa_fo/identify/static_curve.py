@@ -33,7 +33,11 @@ from spa_fo.plant.static_curve import (
 Floats = NDArray[np.float64]
 
 ALIKE = 1.5
-"""Prior standard deviation of the difference of two neighbouring log slopes."""
+"""Prior standard deviation of the change of the log slope from the first knot to the last.
+
+It walks there in steps that do not know of each other, so that a curve is as likely before the data
+whatever its number of knots.
+"""
 _ANYWHERE = 5.0  # that of a log slope by itself: only keeps the common factor from running away
 _STEEPEST = 6.0  # bound of a log slope
 _MOST = 2.0  # bounds of set (rad) and softening
@@ -209,7 +213,8 @@ class _Problem:
 
     @cached_property
     def prior(self) -> Floats:
-        alike = np.diff(np.eye(self.form.knots), axis=0) / ALIKE
+        steps = max(1, self.form.knots - 1)
+        alike = np.diff(np.eye(self.form.knots), axis=0) * (np.sqrt(steps) / ALIKE)
         anywhere = np.eye(self.form.knots) / _ANYWHERE
         return np.vstack([alike, anywhere]) if self.form.knots else np.zeros((0, 0))
 
