@@ -21,6 +21,8 @@ def script() -> Iterator[Any]:
         yield static_curve
     finally:
         sys.path.remove(str(BENCHMARKS))
+        for name in ("static_curve", "real_data"):
+            sys.modules.pop(name, None)
 
 
 def test_a_bellow_that_stiffens(script: Any, shared_data: Path, tmp_path: Path) -> None:
