@@ -12,8 +12,8 @@ import argparse
 import re
 import shutil
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +25,9 @@ import yaml  # noqa: E402
 
 from real_data import bellow, commit, list_checksums, soft_arm  # noqa: E402
 from spa_fo.atomic import write_text  # noqa: E402
-from spa_fo.identify import fit_campaign  # noqa: E402
-from spa_fo.identify.curve_choice import CurveChoice  # noqa: E402
-from spa_fo.rig import read_campaign, read_trials  # noqa: E402
+from spa_fo.identify import fit_campaign, log_data  # noqa: E402
+from spa_fo.identify.curve_choice import CurveChoice, LeftOut, leave_out  # noqa: E402
+from spa_fo.rig import CampaignData, read_campaign, read_trials  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "real_data.md"
@@ -126,13 +126,35 @@ CAMPAIGNS = {
 }
 
 
-def run(measured: Measured, name: str, data: Path, work: Path) -> CurveChoice:
-    """Lay out one campaign and fit it; say what the fit says."""
+# Logs of the soft arm's pulses (5, 10, 15, 20, 25 psi) that are left out together.
+TOGETHER = {
+    "10 and 20 psi": frozenset({1, 3}),
+    "5 and 15 psi": frozenset({0, 2}),
+    "10, 15 and 20 psi": frozenset({1, 2, 3}),
+    "20 and 25 psi": frozenset({3, 4}),
+}
+
+
+def laid_out(measured: Measured, name: str, data: Path, work: Path) -> CampaignData:
+    """Lay out one campaign and read it."""
     folder = work / re.sub(r"\W+", "_", name)
-    folder.mkdir()
+    folder.mkdir(exist_ok=True)
     measured.lay_out(data / measured.source, folder)
     list_checksums(folder)
-    campaign = read_trials(read_campaign(folder))
+    return read_trials(read_campaign(folder))
+
+
+def together(measured: Measured, name: str, data: Path, work: Path) -> list[LeftOut]:
+    """Leave out several levels of the soft arm's pulses at once."""
+    campaign = laid_out(measured, name, data, work)
+    plain = fit_campaign(campaign, signal=measured.signal, whole_logs=True).optimum
+    logs = log_data(campaign.trials, campaign.campaign.reference_kpa, measured.signal)
+    return [leave_out(logs, plain, f"{name}: {what}", away) for what, away in TOGETHER.items()]
+
+
+def run(measured: Measured, name: str, data: Path, work: Path) -> CurveChoice:
+    """Lay out one campaign and fit it; say what the fit says."""
+    campaign = laid_out(measured, name, data, work)
     result = fit_campaign(campaign, signal=measured.signal, static_curve=True)
     print(name, result.report(), "", sep="\n", flush=True)
     assert result.curve is not None
@@ -147,15 +169,24 @@ def table(found: dict[str, CurveChoice]) -> str:
         "|---|---|--:|--:|--:|--:|--:|--:|--:|---|---|",
         *(_row(name, choice) for name, choice in found.items()),
     ]
-    levels = ["| left-out level | plain | curved | chosen without it |", "|---|--:|--:|---|"]
-    for name, choice in found.items():
-        if choice.held_out == "level":
-            levels += [
-                f"| {name}: {one.name} | {one.plain_deg:.2f}° | {one.curved_deg:.2f}° "
-                f"| {one.form} |"
-                for one in choice.left_out
-            ]
-    return "\n".join(rows) + "\n\n" + "\n".join(levels)
+    levels = [
+        replace(one, name=f"{name}: {one.name}")
+        for name, choice in found.items()
+        if choice.held_out == "level"
+        for one in choice.left_out
+    ]
+    return "\n".join(rows) + "\n\n" + parts_table("left-out level", levels)
+
+
+def parts_table(head: str, parts: Sequence[LeftOut]) -> str:
+    """Write how each part that was left out is predicted."""
+    rows = [
+        f"| {one.name} | {one.plain_deg:.2f}° | {one.curved_deg:.2f}° | {one.form} |"
+        for one in parts
+    ]
+    return "\n".join(
+        [f"| {head} | plain | curved | chosen without it |", "|---|--:|--:|---|", *rows]
+    )
 
 
 def _row(name: str, choice: CurveChoice) -> str:
@@ -176,12 +207,16 @@ def main() -> None:
     parser.add_argument("data", type=Path, help="folder of the measured data")
     data = parser.parse_args().data
     with tempfile.TemporaryDirectory() as work:
-        found = {name: run(one, name, data, Path(work)) for name, one in CAMPAIGNS.items()}
+        place = Path(work)
+        found = {name: run(one, name, data, place) for name, one in CAMPAIGNS.items()}
+        arms = {name: one for name, one in CAMPAIGNS.items() if one.source == "soft_arm_steps"}
+        away = [part for name, one in arms.items() for part in together(one, name, data, place)]
     page = PAGE.read_text(encoding="utf-8")
     head, _, rest = page.partition(BEGIN)
     _, _, tail = rest.partition(END)
+    tables = f"{table(found)}\n\n{parts_table('left out at once', away)}"
     made = f"Made by `make static-curve` at commit {commit()}. Measured data."
-    write_text(PAGE, f"{head}{BEGIN}\n\n{made}\n\n{table(found)}\n\n{END}{tail}")
+    write_text(PAGE, f"{head}{BEGIN}\n\n{made}\n\n{tables}\n\n{END}{tail}")
 
 
 if __name__ == "__main__":

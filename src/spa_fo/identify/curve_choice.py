@@ -226,7 +226,7 @@ def choose_curve(
         if bic
         else {},
         held_out=held_out,
-        left_out=tuple(_leave_out(logs, plain, times_s, *part) for part in parts),
+        left_out=tuple(leave_out(logs, plain, *part, times_s) for part in parts),
         in_order=held_out == "level" and _in_order(logs),
     )
 
@@ -310,14 +310,27 @@ def _smallest(fits: Sequence[CurveFit], bic: Sequence[float]) -> CurveFit:
     return fits[int(np.argmin(bic))] if bic else fits[0]
 
 
-def _leave_out(
+def leave_out(
     logs: Sequence[LogData],
     plain: Optimum,
-    times_s: Sequence[float],
     name: str,
     left_out: frozenset[int],
+    times_s: Sequence[float] = TIMES_S,
 ) -> LeftOut:
-    """Choose and fit without some logs, and predict these."""
+    """Choose and fit without some logs, and predict these.
+
+    Parameters
+    ----------
+    logs : sequence of LogData
+    plain : Optimum
+        Of all of them: its bounds are kept.
+    name : str
+        Of what is left out.
+    left_out : frozenset of int
+        Which logs.
+    times_s : sequence of float
+        As of `choose_curve`.
+    """
     fitted = [log for i, log in enumerate(logs) if i not in left_out]
     away = [logs[i] for i in sorted(left_out)]
     without = fit_whole_logs(fitted, plain.bounds, [plain.x])
