@@ -138,7 +138,7 @@ TOGETHER = {
 def laid_out(measured: Measured, name: str, data: Path, work: Path) -> CampaignData:
     """Lay out one campaign and read it."""
     folder = work / re.sub(r"\W+", "_", name)
-    folder.mkdir(exist_ok=True)
+    folder.mkdir()
     measured.lay_out(data / measured.source, folder)
     list_checksums(folder)
     return read_trials(read_campaign(folder))
@@ -146,7 +146,7 @@ def laid_out(measured: Measured, name: str, data: Path, work: Path) -> CampaignD
 
 def together(measured: Measured, name: str, data: Path, work: Path) -> list[LeftOut]:
     """Leave out several levels of the soft arm's pulses at once."""
-    campaign = laid_out(measured, name, data, work)
+    campaign = laid_out(measured, f"{name}, together", data, work)
     plain = fit_campaign(campaign, signal=measured.signal, whole_logs=True).optimum
     logs = log_data(campaign.trials, campaign.campaign.reference_kpa, measured.signal)
     return [leave_out(logs, plain, f"{name}: {what}", away) for what, away in TOGETHER.items()]

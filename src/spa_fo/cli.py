@@ -170,8 +170,8 @@ def _add_fit(commands: Commands) -> None:
         "where it has none",
         "spa-fo fit raw/dragon_skin_20 --out model.json\n"
         "  spa-fo fit raw/soft_arm_steps --static-curve --out curved.json\n\n"
-        "A static curve goes into the model where models without a level predict it better with\n"
-        "the curve than without; the report says what it gains. Such a model is for `predict`.",
+        "A static curve goes into the model where levels that were left out are predicted better\n"
+        "with it; the report says what it gains. A model with a curve is for `predict`.",
     )
     add_campaign(parser)
     parser.add_argument("--out", metavar="MODEL.json", type=Path, required=True)
