@@ -10,6 +10,7 @@ from spa_fo.plant import Model
 from spa_fo.plant.augmented import effects_vector, law_in
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.law import LAW
+from spa_fo.plant.static_curve import ID as STATIC_CURVE
 
 # Behind the angle: how it was read and logged, not how the actuator moves.
 _MEASURING = ("sensor", "acquisition")
@@ -75,6 +76,9 @@ def linear_part(
         if name == LAW:
             where = measuring if law is not None and law.stage in _MEASURING else left_out
             where.append(f"free-form law ({effect['place']})")
+            continue
+        if name == STATIC_CURVE:
+            left_out.append(name)
             continue
         values = vector[LIBRARY[name].slots]
         if LIBRARY[name].stage in _MEASURING:

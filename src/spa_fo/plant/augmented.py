@@ -18,6 +18,7 @@ from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.law import LAW, Law, law_of
 from spa_fo.plant.lawful import with_law
 from spa_fo.plant.model_file import Model
+from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import Campaign, CampaignData, Trial
 from spa_fo.validation import suggestion
 
@@ -34,7 +35,8 @@ def effects_vector(model: Model, source: Source = "model") -> Floats:
     """Return the parameters of all effects in the library's order, NaN where absent.
 
     The parameters of ``parameter_shift`` are for the reader: its coefficients already stand in
-    the transfer function. A free-form law is no effect of the library: see `law_in`.
+    the transfer function. A free-form law (`law_in`) and a static curve (`static_curve.curve_of`)
+    are no effects of the library.
 
     Parameters
     ----------
@@ -51,6 +53,8 @@ def effects_vector(model: Model, source: Source = "model") -> Floats:
     """
     vector = absent()
     seen: set[str] = set()
+    if curve_of(model, source) is not None:
+        return vector
     for index, effect in enumerate(model.effects):
         if effect["id"] == LAW:
             continue
