@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.gap.bench import bench_for
 from spa_fo.gap.claim import Claim, claim, closes, exact
-from spa_fo.gap.decide import Verdict, decide, stage_shares
+from spa_fo.gap.decide import Verdict, decide, judge, stage_shares
 from spa_fo.gap.diagnosis import (
     Cause,
     Diagnosis,
@@ -326,13 +326,15 @@ def _held_to(verdict: Verdict, claimed: Claim) -> Verdict:
         return verdict
     useless = {named for named in claimed.closed if not closes(claimed, named, SETTINGS.closes)}
     lost = sum(s.probability for s in verdict.scored if s.named in useless)
-    scored = tuple(replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored)
-    verdict = replace(verdict, scored=scored, unknown=verdict.unknown + lost)
-    least = SETTINGS.worth if verdict.kind == "unknown" else SETTINGS.closes
-    sets = tuple(named for named in verdict.sets if closes(claimed, named, least))
-    if verdict.kind == "unknown" or not sets:
-        return replace(verdict, kind="unknown", sets=sets)
-    return replace(verdict, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
+    scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
+    scored.sort(key=lambda s: -s.probability)
+    again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
+    unknown = "unknown" in (verdict.kind, again.kind)
+    least = SETTINGS.worth if unknown else SETTINGS.closes
+    sets = tuple(n for n in again.sets if n in verdict.sets and closes(claimed, n, least))
+    if unknown or not sets:
+        return replace(again, kind="unknown", sets=sets)
+    return replace(again, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
 
 
 def _on_all_trials(examined: Examined, verdict: Verdict, progress: Progress) -> Explanation:
