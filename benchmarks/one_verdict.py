@@ -27,10 +27,12 @@ def load_settings() -> Any:
     """Import the settings before the package that they are in, whose modules read them."""
     name = "spa_fo.gap.settings"
     package = importlib.util.find_spec("spa_fo")
-    assert package is not None and package.submodule_search_locations
+    assert package is not None
+    assert package.submodule_search_locations
     path = Path(package.submodule_search_locations[0]) / "gap" / "settings.py"
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     sys.modules[name] = module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.SETTINGS
