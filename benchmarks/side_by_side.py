@@ -95,6 +95,8 @@ def measured(folder: Path, engine: Engine) -> dict[str, Any]:
     processes = [str(n) for n in PROCESSES]
     arguments = [str(folder / "campaign"), str(folder / "model.json"), "--processes", *processes]
     answer: dict[str, Any] = json.loads(run("timed_diagnosis.py", arguments, engine.sources))
+    if Path(answer["sources"]) != engine.sources.resolve():
+        raise SystemExit(f"{engine.commit}: another engine was run, of {answer['sources']}")
     seconds = ", ".join(f"{t:.1f} s on {n}" for n, t in answer["seconds"].items())
     print(f"{folder.name}, {engine.commit}: {seconds}", file=sys.stderr, flush=True)
     return answer

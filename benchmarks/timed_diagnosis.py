@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numba
 
+import spa_fo
 from spa_fo.gap import diagnose
 from spa_fo.plant import read_model
 from spa_fo.rig import read_campaign, read_trials
@@ -43,8 +44,15 @@ def main() -> None:
         found = diagnose(data, plain)
         seconds[processes] = time.perf_counter() - start
     own, copy = megabytes(resource.RUSAGE_SELF), megabytes(resource.RUSAGE_CHILDREN)
-    said = {"kind": found.kind, "sets": [list(names) for names in found.sets]}
-    print(json.dumps({"seconds": seconds, "own_mb": own, "copy_mb": copy, **said}))
+    answer = {
+        "sources": str(Path(spa_fo.__file__).resolve().parent.parent),
+        "seconds": seconds,
+        "own_mb": own,
+        "copy_mb": copy,
+        "kind": found.kind,
+        "sets": [list(names) for names in found.sets],
+    }
+    print(json.dumps(answer))
 
 
 if __name__ == "__main__":
