@@ -197,11 +197,11 @@ def rows(base: Answers, others: Mapping[Change, Answers]) -> list[Row]:
     found = []
     for name, value, unit, origin, _ in SETTINGS.listed():
         answers = [others.get((name, varied(name, factor))) for factor in FACTORS]
-        if None in answers:
-            continue
-        moves = tuple(sum(base[case] != said for case, said in a.items()) for a in answers if a)
-        of = len(answers[0] or ())
-        found.append(Row(name, unit, origin, value, moves, of, name not in DECIDED))
+        tried = [a for a in answers if a]
+        if len(tried) < len(FACTORS):
+            continue  # not asked
+        moves = tuple(sum(base[case] != said for case, said in a.items()) for a in tried)
+        found.append(Row(name, unit, origin, value, moves, len(tried[0]), name not in DECIDED))
     return sorted(found, key=lambda row: -row.share)
 
 
