@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
 from spa_fo.gap.bench import bench_for
+from spa_fo.gap.bench_noise import Beyond
 from spa_fo.gap.claim import Claim, claim, closes, exact
 from spa_fo.gap.decide import Verdict, decide, judge, stage_shares
 from spa_fo.gap.diagnosis import (
@@ -46,6 +47,7 @@ Progress = Callable[[str], None]
 
 COMMONEST = "hysteresis"
 """What one hears most often about soft actuators: a baseline that always answers so."""
+_CLEARLY = 3.0  # times what a reference misses, too: something has changed
 _IDENTIFIED = "sampling"  # a key that an identification writes to its model
 _NOT_KNOWN = (
     "neither the pressure nor a calibration was logged: what is not explained may be anyone's"
@@ -144,6 +146,7 @@ def diagnose(
     excluded: Sequence[str] = (),
     seed: int = 1,
     progress: Progress = _silent,
+    beyond: Beyond | None = None,
 ) -> Diagnosis:
     """Diagnose a campaign.
 
@@ -159,9 +162,11 @@ def diagnose(
         Of the trials that are held out and of the bootstrap.
     progress : callable
         Told of each step in words.
+    beyond : Beyond, optional
+        What is to be expected beside the bench's own noise.
     """
     rng = np.random.default_rng(seed)
-    examined = examine(data, plain, excluded, rng, progress)
+    examined = examine(data, plain, excluded, rng, progress, beyond)
     everything, held, floor = examined.everything, examined.held, examined.floor_deg
     progress("predicting trials that took no part")
     claimed = claim(
@@ -174,7 +179,10 @@ def diagnose(
         floor,
         rng,
     )
-    verdict = _held_to(examined.verdict, claimed)
+    closing = SETTINGS.closes if beyond is None else SETTINGS.worth
+    verdict = _held_to(examined.verdict, claimed, closing)
+    if beyond is not None:
+        verdict = _beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(
             examined.found, examined.drive, everything, held, verdict, examined.given, floor, rng
@@ -272,6 +280,7 @@ def examine(
     excluded: Sequence[str],
     rng: np.random.Generator,
     progress: Progress = _silent,
+    beyond: Beyond | None = None,
 ) -> Examined:
     """Fit and weigh every explanation; for the parameters see `diagnose`.
 
@@ -291,21 +300,28 @@ def examine(
     evidence = replace(everything, takes_part=~held.trials)
     given = plain.transfer_function.as_array()
     progress(f"explaining {evidence.takes_part.sum()} trials")
-    drive = examine_drive(evidence, excluded, given) if evidence.has_pressure else None
+    drive = None
+    if evidence.has_pressure:
+        drive = examine_drive(evidence, excluded, given, beyond and beyond.pressure)
     own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
-    bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa)
+    bench = bench_for(evidence, given, own, drive and drive.pressure_kpa, beyond)
     floor = noise_floor(everything)
     if not bench.noise.spectrum.repeats:
         floor = bench.noise.floor_deg(everything.grid.angle_deg)
+    if beyond is not None:
+        floor = max(floor, beyond.angle_deg)
     found = explain(bench, excluded)
     if drive is not None:
         before, drive = drive, joined(drive, found)
         if drive.best.ids != before.best.ids:
-            found = explain(bench_for(evidence, given, own, drive.pressure_kpa), excluded)
+            found = explain(bench_for(evidence, given, own, drive.pressure_kpa, beyond), excluded)
     progress(f"weighing {len(found.fits)} explanations")
     line = at_port("line")
     fast = NONE if line in excluded else fast_line(evidence)
-    verdict = decide(found, drive, fast, evidence, floor)
+    drive_floor = None
+    if drive is not None and beyond is not None:
+        drive_floor = beyond.pressure_kpa * drive.per_kpa_deg
+    verdict = decide(found, drive, fast, evidence, floor, drive_floor)
     return Examined(data, everything, held, given, excluded, drive, found, verdict, floor)
 
 
@@ -317,24 +333,39 @@ def _driven_by_pressure(data: CampaignData) -> CampaignData:
     return replace(data, trials=trials)
 
 
-def _held_to(verdict: Verdict, claimed: Claim) -> Verdict:
+def _held_to(verdict: Verdict, claimed: Claim, closing: float) -> Verdict:
     """Take sets that close nothing on the held-out trials out of the answer.
 
     What they were probable by goes to an unknown cause.
     """
     if not verdict.sets:
         return verdict
-    useless = {named for named in claimed.closed if not closes(claimed, named, SETTINGS.closes)}
+    useless = {named for named in claimed.closed if not closes(claimed, named, closing)}
     lost = sum(s.probability for s in verdict.scored if s.named in useless)
     scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
     scored.sort(key=lambda s: -s.probability)
     again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
     unknown = "unknown" in (verdict.kind, again.kind)
-    least = SETTINGS.worth if unknown else SETTINGS.closes
+    least = SETTINGS.worth if unknown else closing
     sets = tuple(n for n in again.sets if n in verdict.sets and closes(claimed, n, least))
     if unknown or not sets:
         return replace(again, kind="unknown", sets=sets)
     return replace(again, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
+
+
+def _beyond_expected(verdict: Verdict, size: float) -> Verdict:
+    """Hold an answer against the size of the gap, over that of what a reference misses, too."""
+    if size <= 1.0:
+        if any(LIBRARY[name].stage == "drive" for named in verdict.sets for name in named):
+            return verdict  # which the pressure shows
+        scored = [replace(s, probability=0.0 if s.named else 1.0) for s in verdict.scored]
+        scored.sort(key=lambda s: -s.probability)
+        return judge(scored, 0.0, verdict.unknown_drive)
+    if verdict.kind == "no_gap" and size > _CLEARLY:
+        # No noise of the reference is as large.
+        scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
+        return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+    return verdict
 
 
 def _on_all_trials(examined: Examined, verdict: Verdict, progress: Progress) -> Explanation:

@@ -1,0 +1,1 @@
+"""What changed between two campaigns of one actuator."""
