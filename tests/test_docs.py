@@ -17,7 +17,8 @@ import pytest
 import campaigns
 from shown_commands import ROOT, SHELL, Block, blocks, commands, refusal, run
 from spa_fo.plant import Model, TransferFunction, write_model
-from spa_fo.plant.effects.library import LIBRARY, Effect
+from spa_fo.plant.effects.effect import Effect
+from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.report.audit import audit
 
 DOCS = sorted((ROOT / "docs").glob("*.md"))

@@ -35,15 +35,14 @@ from spa_fo.gap.search import Explanations, explain
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
-from spa_fo.plant.effects.library import IDS, LIBRARY, STAGES, absent, at_port
+from spa_fo.plant.effects.effect import STAGES
+from spa_fo.plant.effects.library import COMMONEST, IDS, LIBRARY, absent, at_port
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-COMMONEST = "hysteresis"
-"""What one hears most often about soft actuators: a baseline that always answers so."""
 _IDENTIFIED = "sampling"  # a key that an identification writes to its model
 _NOT_KNOWN = (
     "neither the pressure nor a calibration was logged: what is not explained may be anyone's"

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.plant.effects.library import LIBRARY, Parameter
+from spa_fo.plant.effects.effect import Parameter
+from spa_fo.plant.effects.library import LIBRARY
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, Memory, Seat, chain_for
-from spa_fo.plant.effects.library import IDS, LIBRARY, Effect, Parameter, absent
+from spa_fo.plant.effects.effect import Effect, Parameter
+from spa_fo.plant.effects.library import IDS, LIBRARY, absent
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.model_file import Model
 from spa_fo.rig import Campaign, CampaignData, Trial

@@ -15,19 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from spa_fo._jit import njit
-from spa_fo.plant.effects.actuator import CREEP_TIMES_S, MULLINS_LEVELS, STOPS, move
+from spa_fo.plant.effects.actuator import move
+from spa_fo.plant.effects.channel_latency import read_earlier, smeared
 from spa_fo.plant.effects.drive import DRIVE_BACKLASH, drive_pressure
+from spa_fo.plant.effects.drive_backlash import resting_kpa
+from spa_fo.plant.effects.hysteresis import STOPS
 from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS
 from spa_fo.plant.effects.sensor import read_angle
+from spa_fo.plant.effects.sensor_slip import slipped
+from spa_fo.plant.effects.shared import CREEP_TIMES_S
 from spa_fo.plant.grid import CampaignGrid
 from spa_fo.plant.memory import MODES, Contour, contour_for
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_LATENCY = LIBRARY["channel_latency"].first
-_SLIP = LIBRARY["sensor_slip"].first
+_LATENCY = LIBRARY["channel_latency"].slots
+_SLIP = LIBRARY["sensor_slip"].slots
 
 
 @dataclass(frozen=True)
@@ -237,7 +242,8 @@ class Chain:
         grid, memory = self.grid, self.memory.copy()
         load = self._load(effects, memory.play_kpa)
         if not math.isnan(effects[DRIVE_BACKLASH]) and not self.is_pressure:
-            load[grid.cells == 0] = _resting(effects) / self.reference_kpa
+            play = effects[LIBRARY["drive_backlash"].slots]
+            load[grid.cells == 0] = resting_kpa(*play) / self.reference_kpa
         c = self.contour
         angle = move(
             load,
@@ -301,36 +307,23 @@ class Chain:
         # A film may read other than 0 at rest.
         at_rest = self.read(np.zeros(1), effects, self.memory.film.copy(), grid.level[:1])
         before = np.concatenate([at_rest, reading[:-1]])
-        if math.isnan(effects[_LATENCY]):
+        delays = log_delays(effects)
+        if delays is None:
             y = (1.0 - share) * before[step] + share * reading[step]
         else:
-            delay, window = effects[_LATENCY : _LATENCY + 2]
-            y = np.mean(
-                [
-                    _delayed(
-                        before, reading, grid.level, grid.step_starts, step, share, trial, late
-                    )
-                    for late in smeared(delay, window)
-                ],
-                axis=0,
-            )
+            at = (grid.level, grid.step_starts, step, share, trial)
+            y = np.mean([read_earlier(before, reading, *at, late) for late in delays], axis=0)
         y = self.seat.logged_deg(y)
-        if not math.isnan(effects[_SLIP]):
-            y = y + slipped(grid.orders, effects)[trial]
+        walk, zero = effects[_SLIP]
+        if not math.isnan(walk):
+            y = y + slipped(grid.orders, walk, zero)[trial]
         return np.asarray(y)
 
 
-def smeared(delay_s: float, window_share: float) -> Floats:
-    """Delays whose mean is the channel's: a buffer has one, a moving average a spread of them."""
-    if window_share < 1e-3:
-        return np.array([delay_s])
-    return delay_s * (1.0 + window_share * np.linspace(-0.8, 0.8, 5))
-
-
-def slipped(orders: Integers, effects: Floats) -> Floats:
-    """Zero of a slipping sensor in the trials of these orders, deg."""
-    walk, zero = effects[_SLIP : _SLIP + 2]
-    return np.asarray(zero + walk * (orders - 1.0))
+def log_delays(effects: Floats) -> Floats | None:
+    """Delays (s) that the log reads an angle with, each as often as the others; None without."""
+    delay, window = effects[_LATENCY]
+    return None if math.isnan(delay) else smeared(delay, window)
 
 
 def chain_for(
@@ -366,36 +359,3 @@ def chain_for(
     return Chain(
         grid, driven, pressure_kpa is not None, reference_kpa, contour_for(x), memory or Memory()
     )
-
-
-def _resting(effects: Floats) -> float:
-    """Pressure that a pump with play leaves in the actuator after it was vented, kPa."""
-    return float(effects[DRIVE_BACKLASH] * effects[DRIVE_BACKLASH + 1])
-
-
-@njit
-def _delayed(
-    before: Floats,
-    reading: Floats,
-    level: Integers,
-    starts: Integers,
-    step: Integers,
-    share: Floats,
-    trial: Integers,
-    delay: float,
-) -> Floats:
-    """Read each sample `delay` seconds earlier, straight within a step."""
-    out = np.empty(step.size)
-    for i in range(step.size):
-        j = step[i]
-        first = starts[trial[i]]
-        back = delay
-        length = 0.02 * 2.0 ** level[j]
-        at = share[i] * length - back
-        while at < 0.0 and j > first:
-            j -= 1
-            length = 0.02 * 2.0 ** level[j]
-            at += length
-        at = max(at, 0.0)
-        out[i] = before[j] + (reading[j] - before[j]) * at / length
-    return out
