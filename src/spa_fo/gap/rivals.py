@@ -22,8 +22,8 @@ Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 KINDS = ("no_gap", "cause", "ambiguous", "unknown")
 
-_UNSIMULATED = ("parameter_shift", "mains_pickup")
-"""The first is in the coefficients, the second has a phase of its own in every trial."""
+_UNSIMULATED = ("coefficients", "line")
+"""Ports of what stands in the coefficients, and of what has a phase of its own in every trial."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def rival(
     effects = absent()
     for name in ids:
         form = LIBRARY[name]
-        if name in _UNSIMULATED:
+        if form.port in _UNSIMULATED:
             continue
         given = parameters[name]
         for place, parameter in enumerate(form.parameters, start=form.first):
