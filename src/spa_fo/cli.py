@@ -302,8 +302,10 @@ def _diagnose(options: argparse.Namespace) -> None:
     places.output_folder(options.out)
     from spa_fo.api import Campaign, Model
     from spa_fo.gap.diagnose import check_request
+    from spa_fo.plant.effects.own import use_effects_of
 
     model = Model.load(options.model)
+    use_effects_of(options.campaign)
     check_request(model.document, options.exclude_effect, options.model)
     campaign = Campaign.load(options.campaign)
     replaced = places.replaced_diagnosis(options.out, campaign.name, options.overwrite)

@@ -140,7 +140,7 @@ class Diagnosis:
         from spa_fo.api.plan import plan_next
         from spa_fo.gap.rivals import standing_of
 
-        at_hand = campaign if isinstance(campaign, Campaign) else Campaign.load(campaign)
+        at_hand = Campaign.at_hand(campaign)
         standing = standing_of(self.document, at_hand.name)
         return plan_next(at_hand, standing, max_duration_s, max_pressure_kpa)
 

@@ -129,8 +129,8 @@ class Model:
         from spa_fo.identify import predict_campaign
         from spa_fo.plant.augmented import is_augmented, past_note
 
+        at_hand = Campaign.at_hand(campaign)
         augmented = is_augmented(self.document, self.source)
-        at_hand = campaign if isinstance(campaign, Campaign) else Campaign.load(campaign)
         data = at_hand.data
         note = past_note(self.document, data.campaign, self.source) if augmented else None
         table = predict_campaign(self.document, data, self.source)
@@ -169,9 +169,8 @@ class Model:
         from spa_fo.gap.diagnose import check_request, diagnose
         from spa_fo.plant.belonging import strangers
 
+        campaign = Campaign.at_hand(campaign)
         check_request(self.document, exclude, self.source)
-        if not isinstance(campaign, Campaign):
-            campaign = Campaign.load(campaign)
         tell = progress or _silent
         for warning in campaign.parse_report.warnings:
             tell(f"{campaign.name}: {warning}")

@@ -36,7 +36,8 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
 from spa_fo.plant.augmented import ending_memory
 from spa_fo.plant.effects.effect import STAGES
-from spa_fo.plant.effects.library import COMMONEST, IDS, LIBRARY, absent, at_port
+from spa_fo.plant.effects.library import COMMONEST, LIBRARY, absent, at_port
+from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
@@ -98,6 +99,7 @@ def diagnose_files(
         Something is wrong with the campaign, the model, or an effect's name.
     """
     plain = read_model(model_path)
+    use_effects_of(folder)
     check_request(plain, exclude, model_path)
     data = read_trials(read_campaign(folder))
     return diagnose(data, plain, excluded=exclude, seed=seed, progress=progress)
@@ -118,7 +120,7 @@ def check_request(plain: Model, exclude: Sequence[str], source: Path | str = "mo
         raise BadInput(source, "expected a positive number", "transfer_function.b0")
     for name in exclude:
         if name not in LIBRARY:
-            raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, IDS)}")
+            raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, LIBRARY)}")
 
 
 def write_files(diagnosis: Diagnosis, out: Path | str) -> None:
@@ -157,6 +159,7 @@ def diagnose(
     progress : callable
         Told of each step in words.
     """
+    use_effects_of(data.campaign.folder)
     rng = np.random.default_rng(seed)
     examined = examine(data, plain, excluded, rng, progress)
     everything, held, floor = examined.everything, examined.held, examined.floor_deg
@@ -283,7 +286,7 @@ def examine(
     everything = collect(data)
     excluded = tuple(excluded)
     if everything.grid.command_kpa is None:
-        drives = [n for n in IDS if LIBRARY[n].stage == "drive" and n not in excluded]
+        drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
     held = hold_out(everything, rng)
     evidence = replace(everything, takes_part=~held.trials)
@@ -414,7 +417,7 @@ def _causes(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cause
         causes.append(Cause(("none",), 0.0, {}, x, held_out_rmse_deg=claimed.errors[()]))
     causes += [
         Cause((name,), 0.0, {}, {})
-        for name in IDS
+        for name in LIBRARY
         if (name,) not in known and name not in examined.excluded
     ]
     causes.append(Cause(("unknown",), verdict.unknown, {}, {}))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.gap.diagnosis import SCHEMA
 from spa_fo.plant import PARAMETERS, TransferFunction
-from spa_fo.plant.effects.library import IDS, LIBRARY, absent
+from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.validation import suggestion
 
 Floats = NDArray[np.float64]
@@ -222,7 +222,7 @@ class _Reader:
             self.refuse("verdict.sets", f"expected lists of effects, found {ids!r}")
         for name in ids:
             if not isinstance(name, str) or name not in LIBRARY:
-                near = suggestion(str(name), IDS)
+                near = suggestion(str(name), LIBRARY)
                 self.refuse("verdict.sets", f"'{name}' is no known effect{near}")
         for index, cause in enumerate(causes):
             if isinstance(cause, Mapping) and cause.get("set") == ids:

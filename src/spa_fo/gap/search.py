@@ -22,7 +22,7 @@ from spa_fo.gap.searched import to_x
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 from spa_fo.gap.whitening import Factor
-from spa_fo.plant.effects.library import IDS, LIBRARY, at_port, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -414,7 +414,7 @@ def _gap_known(bench: Bench) -> Bench:
 def _to_try(bench: Bench, excluded: Sequence[str]) -> tuple[list[str], list[str]]:
     """List the effects that are columns or covariances, and those that are simulated."""
     linear, chained = [], []
-    for name in IDS:
+    for name in LIBRARY:
         effect = LIBRARY[name]
         known = effect.stage == "drive" and bench.chain.is_pressure
         if name in excluded or known or effect.port == "line":

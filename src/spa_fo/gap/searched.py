@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.plant.effects.effect import Parameter
-from spa_fo.plant.effects.library import LIBRARY
 
 Floats = NDArray[np.float64]
 
@@ -17,15 +16,6 @@ LN_GAIN = 4
 LOWEST = np.array([0.05, 0.02, -8.0, -8.0, -8.0])
 HIGHEST = np.array([1.995, 1.98, 8.0, 8.0, 8.0])
 """Bounds of the searched coefficients."""
-
-ANGLE_SLOTS = np.concatenate(
-    [
-        np.arange(effect.slots.start, effect.slots.stop)
-        for effect in LIBRARY.values()
-        if effect.stage in ("drive", "actuator")
-    ]
-)
-"""Parameters that the true angle depends on."""
 
 
 def to_z(x: Floats) -> Floats:

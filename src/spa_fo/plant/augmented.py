@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, Memory, Seat, chain_for
 from spa_fo.plant.effects.effect import Effect, Parameter
-from spa_fo.plant.effects.library import IDS, LIBRARY, absent
+from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.model_file import Model
 from spa_fo.rig import Campaign, CampaignData, Trial
@@ -253,7 +253,7 @@ class _Entry:
     def form(self) -> Effect:
         name, stage = self.effect["id"], self.effect["stage"]
         if name not in LIBRARY:
-            self.refuse("id", f"is '{name}', which is no known effect{suggestion(name, IDS)}")
+            self.refuse("id", f"is '{name}', which is no known effect{suggestion(name, LIBRARY)}")
         form = LIBRARY[name]
         if stage != form.stage:
             self.refuse("stage", f"is '{stage}', but {name} belongs to the {form.stage}")

@@ -17,22 +17,23 @@ from scipy.interpolate import PchipInterpolator
 
 from spa_fo.plant.effects.actuator import move
 from spa_fo.plant.effects.channel_latency import read_earlier, smeared
-from spa_fo.plant.effects.drive import DRIVE_BACKLASH, drive_pressure
 from spa_fo.plant.effects.drive_backlash import resting_kpa
 from spa_fo.plant.effects.hysteresis import STOPS
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS
-from spa_fo.plant.effects.sensor import read_angle
+from spa_fo.plant.effects.own import acting
 from spa_fo.plant.effects.sensor_slip import slipped
 from spa_fo.plant.effects.shared import CREEP_TIMES_S
 from spa_fo.plant.grid import CampaignGrid
-from spa_fo.plant.memory import MODES, Contour, contour_for
+from spa_fo.plant.memory import MODES, STEPS_S, Contour, contour_for
+from spa_fo.plant.stages import felt_angle, logged_angle, moving_pressure, true_pressure
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _LATENCY = LIBRARY["channel_latency"].slots
 _SLIP = LIBRARY["sensor_slip"].slots
+_PLAY = LIBRARY["drive_backlash"].slots
 
 
 @dataclass(frozen=True)
@@ -210,7 +211,7 @@ class Chain:
         """Give the true pressure on the cells, kPa."""
         if self.is_pressure:
             return self.input_kpa
-        return np.asarray(drive_pressure(self.input_kpa, self.grid.cell_starts, effects, play))
+        return true_pressure(self.input_kpa, self.grid.cell_starts, effects, play)
 
     def run(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials.
@@ -241,14 +242,31 @@ class Chain:
         """Simulate all trials; the true angle (deg) at the end of each step, the film untouched."""
         grid, memory = self.grid, self.memory.copy()
         load = self._load(effects, memory.play_kpa)
-        if not math.isnan(effects[DRIVE_BACKLASH]) and not self.is_pressure:
-            play = effects[LIBRARY["drive_backlash"].slots]
-            load[grid.cells == 0] = resting_kpa(*play) / self.reference_kpa
+        width, centre = effects[_PLAY]
+        if not math.isnan(width) and not self.is_pressure:
+            load[grid.cells == 0] = resting_kpa(width, centre) / self.reference_kpa
+        load = self._pushed(load, x, effects, memory)
+        return self._move(load, x, effects, memory), replace(memory, ends_s=grid.ends_s)
+
+    def _pushed(self, load: Floats, x: Floats, effects: Floats, memory: Memory) -> Floats:
+        """Give the load with what effects of a campaign's own make of it."""
+        if not any(acting(effects, "actuator")):
+            return load
+        kpa = self.reference_kpa
+        before = math.degrees(memory.stops[STOPS] + memory.creep.sum())
+
+        def angle(pressure: Floats) -> Floats:
+            return self._move(pressure / kpa, x, effects, memory.copy())
+
+        return moving_pressure(kpa * load, self.grid.level, effects, before, angle) / kpa
+
+    def _move(self, load: Floats, x: Floats, effects: Floats, memory: Memory) -> Floats:
+        """Move the actuator; the memory is carried on in place."""
         c = self.contour
         angle = move(
             load,
-            grid.level,
-            grid.middle_s,
+            self.grid.level,
+            self.grid.middle_s,
             x,
             effects,
             c.nodes,
@@ -261,7 +279,7 @@ class Chain:
             memory.stops,
             memory.virgin,
         )
-        return np.degrees(angle), replace(memory, ends_s=grid.ends_s)
+        return np.degrees(angle)
 
     def read(
         self, angle_deg: Floats, effects: Floats, film: Floats, level: Integers | None = None
@@ -271,7 +289,7 @@ class Chain:
         The state `film` is carried on in place.
         """
         level = self.grid.level if level is None else level
-        return np.asarray(read_angle(angle_deg, level, effects, film))
+        return felt_angle(angle_deg, level, effects, film)
 
     def _load(self, effects: Floats, play: Floats) -> Floats:
         """Mean of u over each step."""
@@ -317,7 +335,9 @@ class Chain:
         walk, zero = effects[_SLIP]
         if not math.isnan(walk):
             y = y + slipped(grid.orders, walk, zero)[trial]
-        return np.asarray(y)
+        starts_s = np.array([one.started_s for one in grid.trials])
+        time_s = grid.middle_s[step] + (share - 0.5) * STEPS_S[grid.level[step]] - starts_s[trial]
+        return logged_angle(np.asarray(y), time_s, trial, effects)
 
 
 def log_delays(effects: Floats) -> Floats | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -95,8 +96,10 @@ class Effect:
     coefficients : mapping
         What it makes of the coefficients, one by one, in words.
     act : callable, optional
-        What it does to the series at its stage, where no kernel of the chain knows it: see
-        `spa_fo.plant.effects.own`.
+        What it does to the series at its stage, where no kernel of the chain knows it
+        (`spa_fo.plant.effects.own`).
+    source : Path or str
+        The file that it comes from, for messages.
     first : int
         Where its parameters begin in the vector of all; the library's to say.
     """
@@ -116,6 +119,7 @@ class Effect:
     neutral: Mapping[str, float] = field(default_factory=dict)
     coefficients: Mapping[str, str] = field(default_factory=dict)
     act: Callable[..., Any] | None = None
+    source: Path | str = "library"
     first: int = -1
 
     def __post_init__(self) -> None:

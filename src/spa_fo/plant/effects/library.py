@@ -7,7 +7,7 @@ exponential), because a form too stiff loses to a wrong effect that bends better
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +38,7 @@ from spa_fo.plant.effects import (
     thermal_drift,
 )
 from spa_fo.plant.effects.effect import Effect, Floats, Port, Stage
+from spa_fo.plant.effects.shared import Integers
 
 _BUILT_IN: tuple[Effect, ...] = (
     dead_time.EFFECT,
@@ -68,23 +69,48 @@ COMMONEST = hysteresis.EFFECT.id
 """What one hears most often about soft actuators: a baseline that always answers so."""
 
 
-def _numbered() -> dict[str, Effect]:
-    effects, first = {}, 0
-    for effect in _BUILT_IN:
-        effects[effect.id] = replace(effect, first=first)
-        first += len(effect.parameters)
-    return effects
+class Library(Mapping[str, Effect]):
+    """Effects by identifier, each with its place in the vector of all parameters.
+
+    The project's own never change; behind them stand those that a campaign or an installed package
+    brings along (`spa_fo.plant.effects.own`).
+    """
+
+    def __init__(self, effects: Sequence[Effect]) -> None:
+        self._lasting = tuple(effects)
+        self.hold(())
+
+    def hold(self, further: Sequence[Effect]) -> None:
+        """Take in these effects, in place of any that were taken in before."""
+        self.size = 0
+        self._effects: dict[str, Effect] = {}
+        for effect in (*self._lasting, *further):
+            self._effects[effect.id] = replace(effect, first=self.size)
+            self.size += len(effect.parameters)
+        self.acting = tuple(e for e in self._effects.values() if e.act is not None)
+
+    def __getitem__(self, name: str) -> Effect:
+        return self._effects[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._effects)
+
+    def __len__(self) -> int:
+        return len(self._effects)
+
+    def slots(self, holds: Callable[[Effect], bool]) -> Integers:
+        """Places of the parameters of all effects of a kind."""
+        return np.concatenate([np.r_[e.slots] for e in self._effects.values() if holds(e)])
 
 
-LIBRARY: Mapping[str, Effect] = _numbered()
+LIBRARY = Library(_BUILT_IN)
 IDS = tuple(LIBRARY)
-SIZE = sum(len(effect.parameters) for effect in LIBRARY.values())
-"""Length of the vector that holds the parameters of all effects."""
+"""The project's own effects; what else the library holds changes from campaign to campaign."""
 
 
 def ordered(ids: Sequence[str]) -> tuple[str, ...]:
     """Put effects in the library's order, each once."""
-    return tuple(sorted(set(ids), key=IDS.index))
+    return tuple(name for name in LIBRARY if name in ids)
 
 
 def at_port(port: Port, ids: Sequence[str] = IDS) -> str | None:
@@ -94,11 +120,11 @@ def at_port(port: Port, ids: Sequence[str] = IDS) -> str | None:
 
 def absent() -> Floats:
     """Return the vector of all parameters with no effect in it: NaN in every slot."""
-    return np.full(SIZE, np.nan)
+    return np.full(LIBRARY.size, np.nan)
 
 
 def switches(parameters: Floats) -> NDArray[np.bool_]:
-    """Say which effects of `IDS` a vector of all parameters holds."""
+    """Say which effects of the library a vector of all parameters holds."""
     return np.array(
         [
             bool(effect.parameters) and not np.isnan(parameters[effect.first])
