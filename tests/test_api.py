@@ -290,3 +290,11 @@ def test_html_is_escaped_and_empty_columns_are_left_away() -> None:
     assert "&lt;s&gt;" in page
     assert "two" not in page
     assert "two" not in text_table(("one", "two"), [["1", ""]])
+
+
+def test_a_cell_holds_the_first_parameters_and_counts_the_others() -> None:
+    from spa_fo.api.diagnosis import _parameters_text
+
+    knots = {f"at_{angle}deg": {"value": 1.0, "ci95": [0.5, 1.5]} for angle in (12, 24, 36, 48, 60)}
+    assert _parameters_text({"sensor_nonlinearity": knots}).endswith(", and 2 more")
+    assert "more" not in _parameters_text({"sensor_nonlinearity": {"at_12deg": knots["at_12deg"]}})

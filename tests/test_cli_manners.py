@@ -263,7 +263,7 @@ def test_ctrl_c_in_process(
     from spa_fo.api import Campaign
 
     handler = signal.getsignal(signal.SIGINT)
-    monkeypatch.setattr(Campaign, "fit", lambda *_, **__: os.kill(os.getpid(), signal.SIGINT))
+    monkeypatch.setattr(Campaign, "fit", lambda *_, **__: signal.raise_signal(signal.SIGINT))
     with pytest.raises(SystemExit) as left:
         main(["fit", str(steps), "--out", str(tmp_path / "m.json")])
     assert left.value.code == 130

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Shrink, Step, Traces, Where
+from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, LawFound, Shrink, Step, Traces, Where
+from spa_fo.gap.resemblance import Likeness
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.report.causes import percent
@@ -26,8 +28,9 @@ from spa_fo.report.diagnosis_figures import (
 from spa_fo.report.effect_words import parameter_words, phrase, words_of
 from spa_fo.report.experiments import rms
 from spa_fo.report.glossary import typical
-from spa_fo.report.headline import headline
+from spa_fo.report.headline import headline, opening
 from spa_fo.report.interactive_page import interactive_page
+from spa_fo.report.law_figure import laws_figure
 from spa_fo.report.sections import step_line
 
 PLAIN = Model("bench", "rubber", TransferFunction(1.4, 1.2, 0.8, 1.6, 0.9), 30.0)
@@ -155,10 +158,38 @@ UNEXPLAINED = diagnosis(
     where=replace(NOWHERE, phase={"hold": 1.0}),
     traces=traces(pressure=False, calibration=False),
 )
+_OVER = np.linspace(0.0, 40.0, 30)
+BALLOON = LawFound(
+    place="input_map",
+    stage="actuator",
+    probability=0.87,
+    fraction_closed=0.93,
+    log_evidence=55.0,
+    resembles=(Likeness("power", 0.96, {"exponent": 1.31}, 0.01 * _OVER**1.3 - 0.03 * _OVER),),
+    beside=(),
+    over=_OVER,
+    value=0.01 * _OVER**1.3 - 0.03 * _OVER,
+    low=0.01 * _OVER**1.3 - 0.03 * _OVER - 0.1,
+    high=0.01 * _OVER**1.3 - 0.03 * _OVER + 0.1,
+    carried=True,
+)
+SPECTRUM = replace(
+    BALLOON,
+    place="relaxation",
+    probability=0.08,
+    fraction_closed=-0.4,
+    resembles=(Likeness("one time", 0.9, {"time_s": 3.0}, np.ones(4)),),
+    over=np.geomspace(0.3, 30.0, 4),
+    value=np.ones(4),
+    low=np.zeros(4),
+    high=2.0 * np.ones(4),
+    carried=False,
+)
+LAWFUL = replace(UNEXPLAINED, laws=(BALLOON, SPECTRUM))
 PARTLY = diagnosis(
     causes=(replace(UNKNOWN, probability=0.9), CREEP, NONE), kind="unknown", sets=(("creep",),)
 )
-EVERY = (diagnosis(), NO_GAP, AMBIGUOUS, UNEXPLAINED, PARTLY)
+EVERY = (diagnosis(), NO_GAP, AMBIGUOUS, UNEXPLAINED, PARTLY, LAWFUL)
 
 
 def sections(page: str) -> dict[str, str]:
@@ -173,7 +204,7 @@ def rows(table: str) -> dict[str, list[str]]:
     return {row[0]: row[1:] for row in cells}
 
 
-@pytest.mark.parametrize("each", EVERY, ids=lambda d: f"{d.kind}-{len(d.sets)}")
+@pytest.mark.parametrize("each", EVERY, ids=lambda d: f"{d.kind}-{len(d.sets)}-{len(d.laws)}")
 def test_the_verdict_is_two_sentences_with_both_errors(each: Diagnosis) -> None:
     text = verdict(each)
     assert len(re.findall(r"\.(?:\s|$)", text)) == 2
@@ -244,7 +275,7 @@ def test_unknown_says_what_part_is_explained() -> None:
     assert "augmented_model.json" in page["What to do next"]
 
 
-@pytest.mark.parametrize("each", EVERY, ids=lambda d: f"{d.kind}-{len(d.sets)}")
+@pytest.mark.parametrize("each", EVERY, ids=lambda d: f"{d.kind}-{len(d.sets)}-{len(d.laws)}")
 def test_the_probabilities_of_the_table_are_those_given(each: Diagnosis) -> None:
     table = rows(sections(document(each))["Which cause"])
     for cause in each.causes:
@@ -534,6 +565,45 @@ def test_a_diagnosis_that_cannot_be_written_leaves_the_earlier_one_alone(tmp_pat
         write_report(diagnosis(), tmp_path)
     after = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
     assert after == before
+
+
+def test_a_missing_law_is_told_and_drawn() -> None:
+    told = sections(document(LAWFUL, ("laws",)))["The missing law"]
+    table = rows(told)
+    assert table["what load a pressure makes"][1:] == [
+        "87 %",
+        "93 %",
+        "power (exponent 1.31), 96 %",
+    ]
+    assert table["how stress relaxes"][2] == "0 %"
+    assert "The augmented model carries the law of **what load a pressure makes**" in told
+    assert "(laws.png)" in told
+    assert "93 % of the gap closes" in opening(LAWFUL.to_dict())[1]
+    figure = laws_figure(LAWFUL)
+    first, second = figure.axes
+    assert first.get_xlabel() == "pressure (kPa)"
+    legend = first.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "free-form law",
+        "power (exponent 1.31)",
+    ]
+    assert second.get_xscale() == "log"
+
+
+def test_a_page_carries_the_picture_of_its_laws_and_loses_it(tmp_path: Path) -> None:
+    write_report(LAWFUL, tmp_path)
+    assert (tmp_path / "laws.png").stat().st_size > 5000
+    page = (tmp_path / "diagnosis.html").read_text()
+    assert "data:image/png;base64," in page
+    assert "The missing law" in page
+    entry = json.loads((tmp_path / "diagnosis.json").read_text())["laws"][0]
+    assert entry["resembles"] == [
+        {"form": "power", "explains": 0.96, "parameters": {"exponent": 1.31}}
+    ]
+    assert entry["in_model"]
+    write_report(UNEXPLAINED, tmp_path)
+    assert not (tmp_path / "laws.png").exists()
 
 
 def test_figures_of_an_earlier_diagnosis_do_not_stay(tmp_path: Path) -> None:

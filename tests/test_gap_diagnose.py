@@ -5,12 +5,14 @@ import importlib
 import json
 
 import numba
+import numpy as np
 import pytest
 
 import blind_documents
 from blind.first_rig import write_case
 from spa_fo.gap import claim, diagnose_campaign
 from spa_fo.plant.effects.library import IDS
+from spa_fo.plant.law import PLACES
 
 SEVEN_EACH = {"name": "up_steps", "repeats": 7, "order": "interleaved"}
 
@@ -46,7 +48,12 @@ def check_contract(document):
         assert document["where"]["not_known"]
     else:
         assert sum(stages.values()) == pytest.approx(1.0 if significant else 0.0)
-    assert document["laws"] == []
+    laws = document["laws"]
+    assert not laws or document["verdict"]["kind"] == "unknown"
+    assert sum(law["probability"] for law in laws) <= 1.0 + 1e-9
+    for law in laws:
+        assert law["stage"] == PLACES[law["place"]].stage
+        assert np.isfinite(law["fraction_closed"])
 
 
 def test_hysteresis_is_among_the_sets_and_closes_the_gap(hysteresis):
@@ -130,6 +137,8 @@ def test_without_hysteresis_in_the_library_it_is_never_named(hysteresis):
     document = run(folder, folder / "without", exclude=["hysteresis"])
     check_contract(document)
     assert not any("hysteresis" in cause["set"] for cause in document["causes"])
+    assert document["verdict"]["kind"] == "unknown"
+    assert document["laws"][0]["stage"] == "actuator"
 
 
 def test_a_set_that_closes_nothing_on_held_out_trials_is_no_cause(tmp_path, monkeypatch):
@@ -147,7 +156,8 @@ def test_a_set_that_closes_nothing_on_held_out_trials_is_no_cause(tmp_path, monk
     assert document["verdict"]["sets"] == []
     assert document["shrink"] is None
     model = json.loads((tmp_path / "out" / "augmented_model.json").read_text())
-    assert model["effects"] == []
+    assert document["laws"][0]["stage"] == "drive"
+    assert [effect["id"] for effect in model["effects"]] == ["law"]
 
 
 def test_the_augmented_model_holds_the_first_set_and_nothing_else(hysteresis):

@@ -54,7 +54,23 @@ class Drawn:
         return Quadratic(0.5 * float(r @ r), j.T @ r, j.T @ j)
 
     def search(self, enough: float = ENOUGH, most: int = 60) -> Minimum:
-        return minimise(self.value, self.quadratic, self.start, self.low, self.high, enough, most)
+        metric = np.diag(1.0 / self.spread**2)
+        return minimise(
+            self.value,
+            self.quadratic,
+            self.start,
+            self.low,
+            self.high,
+            enough,
+            most,
+            metric,
+            self.bend,
+        )
+
+    def bend(self, z: Floats, step: Floats) -> Floats:
+        near = (self.residual(z + 0.1 * step) - self.residual(z)) / 0.1
+        j = self.slopes(z)
+        return j.T @ (near - j @ step) * 20.0
 
     def oracle(self) -> float:
         """Value where scipy's search ends from the same start."""
@@ -80,12 +96,12 @@ def searched() -> list[tuple[Drawn, Minimum]]:
 
 
 def test_it_ends_where_scipy_ends(searched: list[tuple[Drawn, Minimum]]) -> None:
-    """The decrement is an estimate of what is left: it may be more than that, by little."""
+    """The decrement is Gauss and Newton's estimate of what is left, which may be more."""
     held = 0
     for problem, found in searched:
         least = problem.oracle()
         assert found.at.value == pytest.approx(problem.value(found.z), abs=1e-12)
-        assert -1e-4 < found.at.value - least < ENOUGH
+        assert -1e-4 < found.at.value - least < 3.0 * ENOUGH
         sharper = problem.search(enough=1e-4)
         assert sharper.at.value < least + 1e-3
         assert np.all((sharper.z >= problem.low) & (sharper.z <= problem.high))
@@ -115,7 +131,14 @@ def test_a_parameter_that_a_bound_holds_leaves_the_solve() -> None:
         return Quadratic(0.5 * float(away @ hessian @ away), hessian @ away, hessian)
 
     found = minimise(
-        lambda z: quadratic(z).value, quadratic, np.array([4.0, 0.0]), low, high, 1e-9, 50
+        lambda z: quadratic(z).value,
+        quadratic,
+        np.array([4.0, 0.0]),
+        low,
+        high,
+        1e-9,
+        50,
+        np.eye(2),
     )
     # With the first at 0 the second's best is 3 - 1/2.
     np.testing.assert_allclose(found.z, [0.0, 2.5], atol=1e-4)
@@ -135,6 +158,7 @@ def test_slopes_are_taken_of_points_that_are_kept_alone() -> None:
         problem.high,
         ENOUGH,
         60,
+        np.diag(1.0 / problem.spread**2),
     )
     assert len(looked) == 1 + found.tried - found.rejected
     values = [problem.value(z) for z in looked]

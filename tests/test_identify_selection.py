@@ -19,9 +19,9 @@ from spa_fo.identify.selection import (
     FRACTIONAL,
     Contender,
     OrderComparison,
-    _criteria,
     compare_on_logs,
     compare_on_steps,
+    criteria,
     independent_samples,
 )
 from spa_fo.identify.whole_log import LogData, held_response
@@ -96,11 +96,11 @@ def test_what_counts_as_independent() -> None:
 
 
 def test_criteria_by_their_formula() -> None:
-    aic, bic = _criteria(0.04, 3, 100.0)
+    aic, bic = criteria(0.04, 3, 100.0)
     assert aic == pytest.approx(100.0 * math.log(0.04) + 2 * 4)
     assert bic == pytest.approx(100.0 * math.log(0.04) + 4 * math.log(100.0))
-    assert _criteria(0.04, 3, 6.0) == (None, None)
-    assert _criteria(0.0, 3, 100.0) == (None, None)
+    assert criteria(0.04, 3, 6.0) == (None, None)
+    assert criteria(0.0, 3, 100.0) == (None, None)
 
 
 def test_too_few_independent_samples_give_no_criterion() -> None:

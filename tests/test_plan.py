@@ -232,9 +232,9 @@ def test_separations_are_what_a_general_solver_finds() -> None:
     both = campaign_grid([*own, later], longest=2)
     lasts = seconds(both)[both.sample_trial == 2].sum()
     expected = np.sqrt((slow_cost(both, dead, lag) - before) * 0.5 / lasts)
-    # The slopes are those of the start: the minimum is a little higher than it could be.
+    # The slopes are those of the start: the minimum is higher than it could be, by up to an eighth.
     found = foresight.after(STEP, [(0, 1)])[0].seen
-    assert expected < found < 1.05 * expected
+    assert expected < found < 1.125 * expected
 
 
 @pytest.mark.parametrize("ids", [("creep",), ("leak", "hysteresis"), ()])

@@ -14,7 +14,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 def test_the_page_of_numbers_is_made_from_the_settings() -> None:
     written = (ROOT / "docs" / "settings.md").read_text(encoding="utf-8")
-    assert written == page(), "python -m spa_fo.report.settings_document docs"
+    swept = (ROOT / "docs" / "settings_sweep.md").is_file()
+    assert written == page(swept=swept), "python -m spa_fo.report.settings_document docs"
 
 
 def test_every_number_is_listed_with_its_origin_and_reason() -> None:
@@ -40,6 +41,9 @@ def test_the_opening_counts_the_origins() -> None:
 def test_the_command_writes_the_page(tmp_path: Path) -> None:
     assert main([str(tmp_path)]) == 0
     assert (tmp_path / "settings.md").read_text(encoding="utf-8") == page()
+    (tmp_path / "settings_sweep.md").touch()
+    assert main([str(tmp_path)]) == 0
+    assert "](settings_sweep.md)" in (tmp_path / "settings.md").read_text(encoding="utf-8")
 
 
 def test_the_page_on_diagnoses_names_settings_and_their_origins_as_they_are() -> None:

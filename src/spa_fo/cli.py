@@ -168,7 +168,10 @@ def _add_fit(commands: Commands) -> None:
         "fit",
         "identify the fractional-order model of a campaign: on its up-steps, or on whole logs "
         "where it has none",
-        "spa-fo fit raw/dragon_skin_20 --out model.json",
+        "spa-fo fit raw/dragon_skin_20 --out model.json\n"
+        "  spa-fo fit raw/soft_arm_steps --static-curve --out curved.json\n\n"
+        "A static curve goes into the model where levels that were left out are predicted better\n"
+        "with it; the report says what it gains. A model with a curve is for `predict`.",
     )
     add_campaign(parser)
     parser.add_argument("--out", metavar="MODEL.json", type=Path, required=True)
@@ -183,6 +186,12 @@ def _add_fit(commands: Commands) -> None:
         choices=("command", "pressure"),
         help="signal that drives the model; pressure is fitted on whole logs (default: command, "
         "where the logs hold one)",
+    )
+    parser.add_argument(
+        "--static-curve",
+        action="store_true",
+        help="try a monotone curve before or behind the linear part as well, on whole logs, and "
+        "judge it by levels that were left out",
     )
     parser.add_argument(
         "--bound",
@@ -206,7 +215,11 @@ def _fit(options: argparse.Namespace) -> None:
     campaign = loaded_campaign(options.campaign)
     replaced = places.replaced_model(options.out, campaign.name, options.overwrite)
     result = campaign.fit(
-        seed=options.seed, whole_logs=options.whole_logs, input=options.input, bounds=bounds
+        seed=options.seed,
+        whole_logs=options.whole_logs,
+        input=options.input,
+        bounds=bounds,
+        static_curve=options.static_curve,
     )
     result.save(options.out)
     tell_replaced(options.out, replaced)

@@ -153,6 +153,7 @@ class Campaign:
         whole_logs: bool = False,
         input: str | None = None,
         bounds: Mapping[str, tuple[float, float]] | None = None,
+        static_curve: bool = False,
     ) -> FitResult:
         """Identify the fractional-order model.
 
@@ -166,6 +167,9 @@ class Campaign:
             What drives the model.
         bounds : mapping, optional
             Parameter -> (low, high) to search within.
+        static_curve : bool
+            Try a monotone static curve before or behind the linear part as well, on whole logs;
+            it goes into the model where it predicts left-out levels better.
 
         Raises
         ------
@@ -181,6 +185,7 @@ class Campaign:
             whole_logs=whole_logs,
             signal=input,
             bounds=search_box(bounds),
+            static_curve=static_curve,
         )
         return FitResult(found, self)
 

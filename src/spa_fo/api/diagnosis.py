@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from spa_fo.api.plan import Plan
 
+_SHOWN = 3  # parameters of a cause; the document holds all
 _COLUMNS = ("cause", "probability", "held-out error (°)", "parameters (95 % interval)")
 _MOST = 6
 _FILE, _MODEL = "diagnosis.json", "augmented_model.json"
@@ -236,4 +237,7 @@ def _parameters_text(parameters: Mapping[str, Mapping[str, Any]]) -> str:
             value = rounded(entry["value"], half)
             low, high = (rounded(end, half) for end in interval)
             words.append(f"{name} {value} ({low} .. {high}) {unit}".strip())
-    return ", ".join(words)
+    shown = words[:_SHOWN]
+    if len(words) > _SHOWN:
+        shown.append(f"and {len(words) - _SHOWN} more")
+    return ", ".join(shown)

@@ -11,6 +11,7 @@ from spa_fo.api.campaign import Campaign
 from spa_fo.api.model import Model
 from spa_fo.api.show import COLUMNS, card, estimate_rows
 from spa_fo.identify import FitResult as Identified
+from spa_fo.identify.curve_report import curve_verdict
 from spa_fo.identify.fit_report import error_lines, head_lines
 from spa_fo.plant.estimates import Estimate
 
@@ -35,12 +36,15 @@ class FitResult:
 
     @property
     def model(self) -> Model:
-        """The identified model."""
-        return Model(self.result.model)
+        """The identified model, with its static curve where one is worth having."""
+        return Model(self.result.chosen_model)
 
     @property
     def parameters(self) -> Mapping[str, Estimate]:
-        """alpha2, alpha1, a1, a0, b0 and K: value, standard error, interval, determined or not."""
+        """alpha2, alpha1, a1, a0, b0 and K: value, standard error, interval, determined or not.
+
+        Those of the plain model, whether or not a static curve stands beside it.
+        """
         return {one.name: one for one in self.result.estimates}
 
     @property
@@ -76,7 +80,7 @@ class FitResult:
             draw["fit"] = lambda: fit_figure(result)
             draw["profiles"] = lambda: identifiability_figure(profiles_of(result.to_dict()))
         else:
-            panels = log_panels(self.campaign.data, result.model)
+            panels = log_panels(self.campaign.data, result.chosen_model)
             draw["fit"] = lambda: log_figure(panels, "model")
         return chosen(draw, what, self.campaign.provenance)
 
@@ -85,10 +89,11 @@ class FitResult:
 
     def _repr_html_(self) -> str:
         kind = self.result.estimates[0].kind or "a single log: its errors cannot be told"
+        curve = [] if self.result.curve is None else [curve_verdict(self.result.curve)]
         _, *head = "   ".join(head_lines(self.result)).split("   ")  # the first names the campaign
         return card(
             f"Fit of {self.campaign.material}: {self.campaign.name}",
-            [" · ".join(head), *error_lines(self.result), kind],
+            [" · ".join(head), *error_lines(self.result), kind, *curve],
             COLUMNS,
             estimate_rows(self.result.estimates),
             self.warnings,

@@ -7,8 +7,10 @@ from pathlib import Path
 
 from spa_fo.errors import BadInput
 from spa_fo.plant import Model
-from spa_fo.plant.augmented import effects_vector
+from spa_fo.plant.augmented import effects_vector, law_in
 from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.law import LAW
+from spa_fo.plant.static_curve import ID as STATIC_CURVE
 
 # Behind the angle: how it was read and logged, not how the actuator moves.
 _MEASURING = ("sensor", "acquisition")
@@ -45,8 +47,8 @@ def linear_part(
     """Sort a model's effects.
 
     Dead time and lag of the drive are exported exactly. Coefficients of a ``parameter_shift``
-    stand in G already. Sensor and log are not part of the actuator. Everything else is not
-    linear, or varies with time.
+    stand in G already. Sensor and log are not part of the actuator. Everything else, a free-form
+    law too, is not linear, or varies with time.
 
     Parameters
     ----------
@@ -63,12 +65,21 @@ def linear_part(
         An effect is not what the library expects, or is not linear and was not allowed to be
         left out.
     """
-    vector = effects_vector(model, source)
+    vector, law = effects_vector(model, source), law_in(model, source)
     dead_time = 0.0
     lags: tuple[float, ...] = ()
-    included, left_out, measuring = [], [], []
+    included: list[str] = []
+    left_out: list[str] = []
+    measuring: list[str] = []
     for effect in model.effects:
         name = effect["id"]
+        if name == LAW:
+            where = measuring if law is not None and law.stage in _MEASURING else left_out
+            where.append(f"free-form law ({effect['place']})")
+            continue
+        if name == STATIC_CURVE:
+            left_out.append(name)
+            continue
         values = vector[LIBRARY[name].slots]
         if LIBRARY[name].stage in _MEASURING:
             measuring.append(name)

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
 from spa_fo.fractional import step_response
 from spa_fo.gap.bench_noise import BenchNoise, bench_noise
 from spa_fo.gap.evidence import Evidence, angle_chain
-from spa_fo.gap.searched import HIGHEST, LOWEST, keep_apart, to_x, to_z
+from spa_fo.gap.searched import HIGHEST, LOWEST, searched_spread, to_x, to_z
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.typical import typical
 from spa_fo.gap.whitening import Rows, Whitening, lay_rows
@@ -134,11 +135,11 @@ def bench_for(evidence: Evidence, given: Floats, own: bool, pressure_kpa: Floats
     horizon = _horizon_s(evidence)
     if own:
         centre = to_z(typical(given, horizon))
-        spread = shifted = np.diag(_own() ** 2)
+        spread = shifted = _own(centre)
     else:
         angle = float(np.sqrt(np.mean(evidence.grid.angle_deg**2)))
         centre, spread = known_response(given, noise, horizon, angle)
-        shifted = spread + np.diag(_shift() ** 2)
+        shifted = spread + _shift(centre)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg
     scales = [scatter.gain, scatter.rest_deg, scatter.time_scale, dwell, _SLIP_DEG, 0.5]
@@ -156,14 +157,14 @@ def bench_for(evidence: Evidence, given: Floats, own: bool, pressure_kpa: Floats
     )
 
 
-def _own() -> Floats:
+def _own(z: Floats) -> Floats:
     s = SETTINGS
-    return np.array([s.own_orders, s.own_orders, s.own_logs, s.own_logs, s.own_gain])
+    return searched_spread(z, s.own_orders, s.own_logs, s.own_gain)
 
 
-def _shift() -> Floats:
+def _shift(z: Floats) -> Floats:
     s = SETTINGS
-    return np.array([s.shift_orders, s.shift_orders, s.shift_logs, s.shift_logs, s.shift_gain])
+    return searched_spread(z, s.shift_orders, s.shift_logs, s.shift_gain)
 
 
 def _horizon_s(evidence: Evidence) -> float:
@@ -190,15 +191,18 @@ def known_response(
     """
     gain = given[4] / given[3]
     target = step_response(_RESPONSE_S, *given) / gain
-    usual, wide = to_z(typical(given, horizon_s)), _own()
+    usual = to_z(typical(given, horizon_s))
+    prior = _own(usual)
+    root = np.linalg.cholesky(prior)
     read = (noise.fixture_deg or 0.0) / angle_deg
     error = float(np.hypot(SETTINGS.response_error, read))
 
     def response(z: Floats) -> Floats:
-        return np.asarray(step_response(_RESPONSE_S, *to_x(keep_apart(z))) / gain)
+        return np.asarray(step_response(_RESPONSE_S, *to_x(z)) / gain)
 
     def left(z: Floats) -> Floats:
-        return np.concatenate([(response(z) - target) / error, (z - usual) / wide])
+        away = solve_triangular(root, z - usual, lower=True)
+        return np.concatenate([(response(z) - target) / error, away])
 
     inside = LOWEST + 1e-2, HIGHEST - 5e-3
     found = [
@@ -206,10 +210,12 @@ def known_response(
         for start in (usual, to_z(given))
     ]
     z = np.asarray(min(found, key=lambda f: float(f.cost)).x)
-    slopes = [(response(z + d) - response(z)) / _SLOPE_STEP for d in _SLOPE_STEP * np.eye(5)]
+    slopes = [
+        (response(z + d) - response(z - d)) / (2.0 * _SLOPE_STEP) for d in _SLOPE_STEP * np.eye(5)
+    ]
     j = np.column_stack(slopes) / error
-    covariance = np.linalg.inv(j.T @ j + np.diag(1.0 / wide**2))
-    quicker = np.array([0.0, 0.0, z[0] - z[1], z[0], 0.0])
+    covariance = np.linalg.inv(j.T @ j + np.linalg.inv(prior))
+    quicker = np.array([0.0, 0.0, z[0] * (1.0 - z[1]), z[0], 0.0])
     scatter, trials = noise.scatter, SETTINGS.model_trials
     covariance += scatter.time_scale**2 / trials * np.outer(quicker, quicker)
     covariance[4, 4] += scatter.gain**2 / trials + read**2

@@ -13,9 +13,10 @@ from spa_fo.gap.diagnosis import Shrink
 from spa_fo.gap.drive import Drive, DriveFit
 from spa_fo.gap.evidence import Evidence, angle_chain
 from spa_fo.gap.explanation import Explanation, angle_part, explanation_of, simulate
+from spa_fo.gap.explanations import Explanations
 from spa_fo.gap.floor import noise_floor, repeats
 from spa_fo.gap.hold_out import HeldOut, judged, rmse, shrink
-from spa_fo.gap.search import Explanations, Fitted, fit
+from spa_fo.gap.search import Fitted, fit, without_others
 from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 
@@ -67,25 +68,12 @@ def exact(scored: Scored, found: Explanations, drive: Drive | None, bench: Bench
     known = found.fits.get(ids)
     if known is not None and bench is found.bench:
         return explanation_of(scored, known, pressed)
-    start = known.z if known is not None else _without_others(scored.angle, ids)
+    start = known.z if known is not None else without_others(scored.angle, ids)
     return explanation_of(scored, fit(bench, ids, [start], found.plain), pressed)
 
 
 def _own_drive(drive: Drive | None) -> DriveFit | None:
     return None if drive is None else drive.best
-
-
-def _without_others(angle: Fitted, ids: Ids) -> Floats:
-    """Take what is searched of some effects out of a fit that holds them among others."""
-    kept, at = [angle.z[:5]], 5
-    for name in angle.ids:
-        if LIBRARY[name].port != "chain":
-            continue
-        end = at + len(LIBRARY[name].parameters)
-        if name in ids:
-            kept.append(angle.z[at:end])
-        at = end
-    return np.concatenate(kept)
 
 
 def claim(

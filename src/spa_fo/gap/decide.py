@@ -24,8 +24,9 @@ from scipy.special import logsumexp
 from spa_fo.gap.bench import SHARES
 from spa_fo.gap.drive import Drive, DriveFit
 from spa_fo.gap.evidence import Evidence, modelled_pressure
+from spa_fo.gap.explanations import Explanations, further_price
 from spa_fo.gap.interference import Line
-from spa_fo.gap.search import Explanations, Fitted, price
+from spa_fo.gap.search import Fitted, price
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 
@@ -105,7 +106,7 @@ def log_prior(ids: Ids) -> float:
     if len(ids) == 1:
         return float(np.log(s.single / n))
     pairs = n * (n - 1) / 2
-    further = (len(ids) - 2) * np.log(s.pair / (s.single * n))
+    further = -(len(ids) - 2) * further_price()
     beside = np.log(s.shift_beside) if at_port("coefficients", ids) else 0.0
     return float(np.log(s.pair / pairs) + further + beside)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.gap.bench import bench_for
 from spa_fo.gap.claim import Claim, claim, closes, exact
-from spa_fo.gap.decide import Verdict, decide, stage_shares
+from spa_fo.gap.decide import Verdict, decide, judge, stage_shares
 from spa_fo.gap.diagnosis import (
     Cause,
     Diagnosis,
@@ -22,19 +22,21 @@ from spa_fo.gap.diagnosis import (
     write_diagnosis,
 )
 from spa_fo.gap.drive import Drive, examine_drive
+from spa_fo.gap.drive_by_angle import joined
 from spa_fo.gap.evidence import Evidence, angle_chain, collect
-from spa_fo.gap.explanation import Explanation, augmented_model, explanation_of
+from spa_fo.gap.explanation import Explanation, explanation_of
+from spa_fo.gap.explanations import Explanations, explain
+from spa_fo.gap.final import model_of, on_all_trials
 from spa_fo.gap.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.hold_out import HeldOut, hold_out, rmse
 from spa_fo.gap.interference import NONE, fast_line
 from spa_fo.gap.intervals import with_intervals
 from spa_fo.gap.locate import shares
+from spa_fo.gap.missing import NOTHING, Missing, find_missing, law_finding
 from spa_fo.gap.next_steps import in_words, next_steps
-from spa_fo.gap.search import Explanations, explain
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
-from spa_fo.plant.augmented import ending_memory
 from spa_fo.plant.effects.effect import STAGES
 from spa_fo.plant.effects.library import COMMONEST, LIBRARY, absent, at_port
 from spa_fo.plant.effects.own import use_effects_of
@@ -181,11 +183,8 @@ def diagnose(
         )
     explained = bool(verdict.sets)
     final = _on_all_trials(examined, verdict, progress) if explained else None
-    model = plain
-    if final is not None:
-        model = augmented_model(final, everything, plain)
-        memory = ending_memory(model, examined.data)
-        model = replace(model, extra={**model.extra, "memory": memory})
+    missing = _missing(examined, verdict, claimed, progress)
+    model = model_of(final, missing.worth_a_model, examined.found, everything, held, plain)
     curves = claimed.curves
     located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
     everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
@@ -218,6 +217,7 @@ def diagnose(
         misses=misses(everything),
         findings=(
             *findings(verdict, examined.found.bench.own, noise.spectrum.repeats > 0, floor),
+            *law_finding(missing, held, everything),
             *drive_finding(examined.drive, everything, held),
             *filter(None, [noise.sentence()]),
         ),
@@ -227,6 +227,7 @@ def diagnose(
         ),
         model=model,
         next_steps=steps,
+        laws=missing.carried_by(model),
     )
 
 
@@ -299,6 +300,10 @@ def examine(
     if not bench.noise.spectrum.repeats:
         floor = bench.noise.floor_deg(everything.grid.angle_deg)
     found = explain(bench, excluded)
+    if drive is not None:
+        before, drive = drive, joined(drive, found)
+        if drive.best.ids != before.best.ids:
+            found = explain(bench_for(evidence, given, own, drive.pressure_kpa), excluded)
     progress(f"weighing {len(found.fits)} explanations")
     line = at_port("line")
     fast = NONE if line in excluded else fast_line(evidence)
@@ -323,28 +328,44 @@ def _held_to(verdict: Verdict, claimed: Claim) -> Verdict:
         return verdict
     useless = {named for named in claimed.closed if not closes(claimed, named, SETTINGS.closes)}
     lost = sum(s.probability for s in verdict.scored if s.named in useless)
-    scored = tuple(replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored)
-    verdict = replace(verdict, scored=scored, unknown=verdict.unknown + lost)
-    least = SETTINGS.worth if verdict.kind == "unknown" else SETTINGS.closes
-    sets = tuple(named for named in verdict.sets if closes(claimed, named, least))
-    if verdict.kind == "unknown" or not sets:
-        return replace(verdict, kind="unknown", sets=sets)
-    return replace(verdict, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
+    scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
+    scored.sort(key=lambda s: -s.probability)
+    again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
+    unknown = "unknown" in (verdict.kind, again.kind)
+    least = SETTINGS.worth if unknown else SETTINGS.closes
+    sets = tuple(n for n in again.sets if n in verdict.sets and closes(claimed, n, least))
+    if unknown or not sets:
+        return replace(again, kind="unknown", sets=sets)
+    return replace(again, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
 
 
 def _on_all_trials(examined: Examined, verdict: Verdict, progress: Progress) -> Explanation:
     """Fit the most probable set that stands once more, to all trials."""
     progress("fitting the explanation once more, to all trials")
     scored = verdict.of(verdict.sets[0])
-    if not examined.held.trials.any():
-        return exact(scored, examined.found, examined.drive, examined.found.bench)
-    none = np.zeros_like(examined.held.trials)
-    bench = examined.found.bench.without(none)
-    known = exact(scored, examined.found, examined.drive, examined.found.bench)
-    y = examined.found.plain.predicted_deg
-    bench = bench.with_gap(examined.everything.grid.angle_deg - y, y)
-    again = exact(replace(scored, angle=known.angle), examined.found, examined.drive, bench)
-    return explanation_of(scored, again.angle, known.drive)
+    e = examined
+    return on_all_trials(scored, e.found, e.drive, e.everything, e.held)
+
+
+def _missing(examined: Examined, verdict: Verdict, claimed: Claim, progress: Progress) -> Missing:
+    """Look for what has no name, beside the part that has one."""
+    if verdict.kind != "unknown":
+        return NOTHING
+    progress("looking for laws that have no name")
+    found, everything = examined.found, examined.everything
+    known = Explanation((), found.plain, None, None)
+    if verdict.sets:
+        known = exact(verdict.of(verdict.sets[0]), found, examined.drive, found.bench)
+    return find_missing(
+        found.bench,
+        known,
+        everything,
+        examined.held,
+        claimed.curves["plain"],
+        claimed.curves["refit"],
+        examined.floor_deg,
+        verdict.unknown_drive if everything.has_pressure else 0.0,
+    )
 
 
 def _p_value(verdict: Verdict) -> float:

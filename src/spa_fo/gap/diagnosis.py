@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.atomic import write_text
+from spa_fo.gap.resemblance import Likeness
 from spa_fo.plant import Model
+from spa_fo.plant.law import PLACES
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -75,6 +77,70 @@ class Cause:
     transfer_function: Mapping[str, float]
     held_out_rmse_deg: float | None = None
     leftover_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class LawFound:
+    """A free-form law that was weighed beside what has a name.
+
+    Attributes
+    ----------
+    place, stage : str
+        Where it sits; see `spa_fo.plant.law.PLACES`.
+    probability : float
+        Of the place, among all places and no law at all.
+    fraction_closed : float
+        Share of the gap that closes with it on trials that took no part.
+    log_evidence : float
+        Against no law, nats; 0 for a law of the drive, which is sought in the pressure.
+    resembles : tuple of Likeness
+        Forms that its curve is like, the most alike first.
+    beside : tuple of str
+        Named effects that it stands beside.
+    over, value, low, high : (n,) arrays
+        Its curve over what was visited, and a band that holds it with 95 %.
+    carried : bool
+        Whether the augmented model carries it.
+    """
+
+    place: str
+    stage: str
+    probability: float
+    fraction_closed: float
+    log_evidence: float
+    resembles: tuple[Likeness, ...]
+    beside: tuple[str, ...]
+    over: Floats
+    value: Floats
+    low: Floats
+    high: Floats
+    carried: bool = False
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its entry in diagnosis.json."""
+        place = PLACES[self.place]
+        return {
+            "place": self.place,
+            "stage": self.stage,
+            "probability": self.probability,
+            "fraction_closed": self.fraction_closed,
+            "resembles": [
+                {"form": each.form, "explains": each.explains, "parameters": each.parameters}
+                for each in self.resembles
+            ],
+            "log_evidence": self.log_evidence,
+            "beside": list(self.beside),
+            "in_model": self.carried,
+            "curve": {
+                "of": place.over,
+                "of_unit": place.over_unit,
+                "unit": place.unit,
+                "over": self.over.tolist(),
+                "value": self.value.tolist(),
+                "low": self.low.tolist(),
+                "high": self.high.tolist(),
+            },
+        }
 
 
 @dataclass(frozen=True)
@@ -193,6 +259,8 @@ class Diagnosis:
         Augmented; the plain one where nothing is explained.
     next_steps : tuple of Step
         What to do at the bench, most telling first, a few at most; see `spa_fo.gap.next_steps`.
+    laws : tuple of LawFound
+        Free-form laws where the cause is unknown, the most probable first.
     """
 
     campaign: str
@@ -215,6 +283,7 @@ class Diagnosis:
     traces: Traces
     model: Model
     next_steps: tuple[Step, ...] = ()
+    laws: tuple[LawFound, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of diagnosis.json."""
@@ -230,7 +299,7 @@ class Diagnosis:
                 name: dict(shares) if isinstance(shares, Mapping) else shares
                 for name, shares in vars(self.where).items()
             },
-            "laws": [],
+            "laws": [law.to_dict() for law in self.laws],
             "causes": [
                 {
                     "set": list(cause.set),

@@ -30,6 +30,7 @@ _ENOUGH, _MOST_TRIED = 0.01, 40  # of a search
 _BEST_STARTS = 2
 # A jump that comes late by many cells does not say which way it should move.
 _DELAYS_S = tuple(np.geomspace(0.01, 1.5, 30).tolist())
+_QUICK_S = 0.01  # a sensor's lag that no actuator feels
 _NOTHING_DEG = 0.02  # what the drive misses, in degrees of a static actuator
 
 
@@ -42,13 +43,14 @@ class DriveFit:
     ids : tuple of str
         The effects.
     z : array
-        Parameters as searched.
+        Parameters as searched, and the sensor's lag.
     effects : array
         Parameters of all effects, NaN where absent.
-    cells_kpa : (cells,) array
-        Pressure on the grid's cells.
+    cells_kpa, shown_kpa : (cells,) arrays
+        True pressure on the grid's cells, and what a sensor that lags shows of it.
     predicted_kpa, residual_kpa : (n,) arrays
-        At the grid's averaged samples; what is left with the sensor's offset and gain taken out.
+        True pressure at the grid's averaged samples; what is left with the sensor's lag, offset and
+        gain taken out.
     sensor : (2,) array
         Offset (kPa) and relative gain error of the pressure sensor.
     sigma : array
@@ -63,6 +65,7 @@ class DriveFit:
     z: Floats
     effects: Floats
     cells_kpa: Floats
+    shown_kpa: Floats
     predicted_kpa: Floats
     residual_kpa: Floats
     sensor: Floats
@@ -81,14 +84,24 @@ class Drive:
         By effects; none is the command itself.
     pressure_kpa : (cells,) array
         The true pressure as far as it is known.
+    room_kpa : (cells,) array
+        By how much the sensor may differ from a fit that is believed.
+    given : (5,) array
+        Coefficients of the given model.
     gap_kpa, gap_deg : float
         RMS of what the command misses of it, and of what that moves the given model's angle by.
     """
 
     fits: dict[Ids, DriveFit]
     pressure_kpa: Floats
+    room_kpa: Floats
+    given: Floats
     gap_kpa: float
     gap_deg: float
+
+    def of(self, evidence: Evidence, fits: dict[Ids, DriveFit]) -> Drive:
+        """Return what these fits make of the drive."""
+        return _drive_of(evidence, fits, self.room_kpa, self.given)
 
     @property
     def per_kpa_deg(self) -> float:
@@ -118,14 +131,18 @@ def examine_drive(evidence: Evidence, excluded: Sequence[str], x: Floats) -> Dri
     rows = rows_of(evidence, fixed)
     spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
     bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
-    squares = _beyond_noise(rows, spectrum.white, bare.left(np.zeros(0)))
+    squares = _beyond_noise(rows, spectrum.white, bare.left(np.zeros(1)))
     size = local_size(rows, squares)
     whitening = Whitening(rows, spectrum, size)
     for share in (*SHARES, SETTINGS.search_share):
         whitening.factor(1.0, share)
-    fits: dict[Ids, DriveFit] = {(): _fit(PressureProblem(evidence, whitening, ()), [np.zeros(0)])}
-    room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa
-    if _drive_of(evidence, fits, room, x).gap_deg > _NOTHING_DEG:
+    fits: dict[Ids, DriveFit] = {}
+    nothing = PressureProblem(evidence, whitening, ())
+    fits[()] = _fit(nothing, starts(nothing, ()))
+    cells = np.arange(int(evidence.grid.cell_starts[-1]))
+    room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa + _BLUR * blur(evidence, cells)
+    late = fits[()].z[-1] > _QUICK_S  # which may be the drive's, as far as the pressure goes
+    if late or _drive_of(evidence, fits, room, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
 
         def alone(name: str) -> DriveFit:
@@ -139,21 +156,29 @@ def examine_drive(evidence: Evidence, excluded: Sequence[str], x: Floats) -> Dri
 
         def together(ids: Ids) -> DriveFit:
             problem = PressureProblem(evidence, whitening, ids)
-            return _fit(problem, [np.concatenate([fits[(name,)].z for name in ids])])
+            alone = [fits[(name,)].z for name in ids]
+            lag = np.mean([z[-1:] for z in alone], axis=0)
+            return _fit(problem, [np.concatenate([*(z[:-1] for z in alone), lag])])
 
         for fit in each(together, pairs):
             fits[fit.ids] = fit
     return _drive_of(evidence, fits, room, x)
 
 
-def _drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], room_kpa: float, x: Floats) -> Drive:
-    """Take the best fit where the sensor agrees with it, within some room, else the sensor."""
+def true_pressure(evidence: Evidence, fitted: DriveFit, room_kpa: Floats) -> Floats:
+    """Take a fit where the sensor agrees with it, within some room, else the sensor, (cells,)."""
+    assert evidence.grid.pressure_kpa is not None
+    measured = (evidence.grid.pressure_kpa - fitted.sensor[0]) / (1.0 + fitted.sensor[1])
+    agreed = np.clip(fitted.shown_kpa, measured - room_kpa, measured + room_kpa)
+    return np.asarray(fitted.cells_kpa + (agreed - fitted.shown_kpa))
+
+
+def _drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], room_kpa: Floats, x: Floats) -> Drive:
+    """Say what the best fit makes of the drive."""
     grid = evidence.grid
     best = max(fits.values(), key=lambda fit: float(fit.evidence.max()))
-    assert grid.pressure_kpa is not None
+    true_kpa = true_pressure(evidence, best, room_kpa)
     assert grid.command_kpa is not None
-    measured = (grid.pressure_kpa - best.sensor[0]) / (1.0 + best.sensor[1])
-    true_kpa = np.clip(best.cells_kpa, measured - room_kpa, measured + room_kpa)
     driven, commanded = (
         angle_chain(evidence, x, kpa).run(x, absent())[0] for kpa in (true_kpa, None)
     )
@@ -162,6 +187,8 @@ def _drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], room_kpa: float, x:
     return Drive(
         fits=fits,
         pressure_kpa=true_kpa,
+        room_kpa=room_kpa,
+        given=x,
         gap_kpa=float(np.sqrt(np.mean((true_kpa - grid.command_kpa) ** 2))),
         gap_deg=float(np.sqrt(np.average(change**2, weights=weight))),
     )
@@ -196,16 +223,18 @@ def _fit(problem: PressureProblem, points: list[Floats]) -> DriveFit:
     evidence = np.array([log for log, _, _ in weighed])
     _, solution, _ = weighed[int(np.argmax(evidence))]
     sensor = solution.coefficients[-3:]
-    predicted = problem.predict(found.z)
-    measured = problem.evidence.grid.measured_kpa
+    shown = problem.predict(found.z)
+    grid, cells = problem.evidence.grid, problem.cells(found.z)
+    measured = grid.measured_kpa
     assert measured is not None
     return DriveFit(
         ids=problem.ids,
         z=found.z,
         effects=problem.effects(found.z),
-        cells_kpa=problem.cells(found.z),
-        predicted_kpa=predicted,
-        residual_kpa=measured - predicted - sensor[0] - sensor[1] * predicted,
+        cells_kpa=cells,
+        shown_kpa=problem.shown(found.z),
+        predicted_kpa=grid.step_means(cells)[grid.sample_step],
+        residual_kpa=measured - shown - sensor[0] - sensor[1] * shown,
         sensor=sensor[:2],
         sigma=problem.errors(linear, factor),
         evidence=evidence,

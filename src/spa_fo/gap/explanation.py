@@ -15,6 +15,8 @@ from spa_fo.gap.search import Fitted
 from spa_fo.plant import PARAMETERS, Model, TransferFunction
 from spa_fo.plant.chain import Seat
 from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
+from spa_fo.plant.law import Law
+from spa_fo.plant.lawful import with_law
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -113,7 +115,11 @@ def explanation_of(scored: Scored, angle: Fitted, drive: DriveFit | None) -> Exp
 
 
 def simulate(
-    explanation: Explanation, evidence: Evidence, without: Ids = (), given: Floats | None = None
+    explanation: Explanation,
+    evidence: Evidence,
+    without: Ids = (),
+    given: Floats | None = None,
+    law: Law | None = None,
 ) -> Floats:
     """Angle (deg) at the averaged samples from the command, some effects left out.
 
@@ -127,6 +133,8 @@ def simulate(
         Its effects to leave out.
     given : (5,) array, optional
         Coefficients instead of the explanation's: those before a shift of the parameters.
+    law : Law, optional
+        A free-form law beside its effects.
     """
     e = explanation.effects()
     for name in without:
@@ -134,8 +142,8 @@ def simulate(
     x = explanation.x if given is None else given
     zeros = at_port("zeros", explanation.ids)
     e = _deterministic(e)
-    chain = angle_chain(evidence, x, None)
-    angle, _ = chain.seated(seat_of(evidence, e)).run(x, e)
+    chain = angle_chain(evidence, x, None).seated(seat_of(evidence, e))
+    angle, _ = (chain if law is None else with_law(chain, law)).run(x, e)
     if zeros and zeros not in without:
         angle = angle + explanation.angle.zeros_deg[evidence.grid.sample_trial]
     return angle

@@ -25,6 +25,9 @@ from spa_fo.gap.whitening import Factor
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_SLOPE_STEP = 5e-4
+_BEND = 0.1  # of a step, for the second derivative along it
+
 
 @dataclass(frozen=True)
 class Linear:
@@ -93,18 +96,13 @@ class Explained(ABC):
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten what stands at all rows."""
 
-    def inside(self, z: Floats) -> Floats:
-        """Move a point to where the prediction is defined."""
-        return z
-
     def linear(self, z: Floats) -> Linear:
         """Make the problem linear about a point."""
-        z = self.inside(z)
         return Linear(z, self.left(z), self.slopes(z), self.columns(z))
 
     def slope_step(self, z: Floats, k: int) -> float:
         """How far an effect's parameter is moved for a slope."""
-        step = 0.01 * min(self.sd[k - self.free], 0.3 * max(abs(z[k]), 0.3))
+        step = _SLOPE_STEP * min(self.sd[k - self.free], 0.3 * max(abs(z[k]), 0.3))
         return float(step if z[k] + step <= self.high[k] else -step)
 
     # --- search ----------------------------------------------------------------------------------
@@ -113,24 +111,26 @@ class Explained(ABC):
         self, start: Floats, factor: Factor, spread: Floats, enough: float, most: int
     ) -> Minimum:
         """Search with the nuisances' columns about `start` and their prior variances `spread`."""
-        start = self.inside(np.clip(start, self.low, self.high))
+        start = np.clip(start, self.low, self.high)
         nuisances = self.white(factor, self.columns(start))
         matrix = nuisances.T @ nuisances
         matrix[np.diag_indices_from(matrix)] += 1.0 / spread
         root = np.linalg.cholesky(matrix)
         half = solve_triangular(root, nuisances.T, lower=True)
 
+        last: dict[str, Floats] = {}
+
         def value(z: Floats) -> float:
-            r = self.white(factor, self.left(self.inside(z)))
+            r = self.white(factor, self.left(z))
             away = z - self.centre
             taken = half @ r
             return 0.5 * float(r @ r - taken @ taken + away @ self.precision @ away)
 
         def quadratic(z: Floats) -> Quadratic:
-            z = self.inside(z)
             r = self.white(factor, self.left(z))
             j = self.white(factor, self.slopes(z))
             r_taken, j_taken = half @ r, half @ j
+            last.update(r=r, j=j, j_taken=j_taken)
             away = z - self.centre
             pull = self.precision @ away
             return Quadratic(
@@ -139,7 +139,14 @@ class Explained(ABC):
                 j.T @ j - j_taken.T @ j_taken + self.precision,
             )
 
-        return minimise(value, quadratic, start, self.low, self.high, enough, most)
+        def bend(z: Floats, step: Floats) -> Floats:
+            near = self.white(factor, self.left(z + _BEND * step))
+            second = 2.0 / _BEND * ((near - last["r"]) / _BEND + last["j"] @ step)
+            return np.asarray(last["j_taken"].T @ (half @ second) - last["j"].T @ second)
+
+        return minimise(
+            value, quadratic, start, self.low, self.high, enough, most, self.precision, bend
+        )
 
     def spread(self, variances: Floats) -> Floats:
         """Prior variances of all nuisances for variances of their groups."""
@@ -151,7 +158,7 @@ class Explained(ABC):
     def misfit(self, z: Floats, factor: Factor) -> float:
         """Half the squared misfit at a point, nothing of it taken by nuisances."""
         z = np.clip(z, self.low, self.high)
-        r = self.white(factor, self.left(self.inside(z)))
+        r = self.white(factor, self.left(z))
         away = z - self.centre
         return 0.5 * float(r @ r + away @ self.precision @ away)
 

@@ -20,7 +20,6 @@ from spa_fo.gap.searched import (
     LN_GAIN,
     LOWEST,
     Slot,
-    keep_apart,
     paced,
     to_x,
     wave,
@@ -274,10 +273,6 @@ class AngleProblem(Explained):
         )
         rest = (values[n:].T / sigma).T
         return np.concatenate([self.bench.whitening.white(factor, values[:n]), rest])
-
-    def inside(self, z: Floats) -> Floats:
-        """Keep alpha1 below alpha2."""
-        return keep_apart(z)
 
 
 def starts(problem: AngleProblem, coefficients: Floats) -> list[Floats]:

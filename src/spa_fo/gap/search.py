@@ -1,9 +1,4 @@
-"""Which explanations of the angle are worth a fit, and their fits.
-
-Every effect is weighed first by a score test beside a fitted explanation: the change that it makes,
-whitened, cleared of what nuisances and parameters may take, against what is left. Only the best are
-fitted; so are pairs, of what shows beside the best single effects.
-"""
+"""The fit of one explanation to the angles, and what it is worth."""
 
 from __future__ import annotations
 
@@ -12,28 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
-from spa_fo.gap.bench import LEVELS, LINE, SHARES, Bench, level_prior, plain_deg
+from spa_fo.gap.bench import LEVELS, LINE, SHARES, Bench, level_prior
 from spa_fo.gap.evidence import curve_columns
-from spa_fo.gap.interference import NONE, Line, slow_line
-from spa_fo.gap.problem import AngleProblem, starts
+from spa_fo.gap.problem import AngleProblem
 from spa_fo.gap.searched import to_x
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.gap.together import each
 from spa_fo.gap.whitening import Factor
-from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
-_SINGLES, _HOSTS, _BESIDE = 8, 3, 3  # fitted alone; that get others beside them; so many others
-_BEST_STARTS = 2
 _ROUGH, _ROUGH_TRIED = 0.5, 12  # nats and points of a search that only ranks starts
 _FIRST, _ENOUGH, _MOST_TRIED = 0.1, 0.01, 40
-_FARTHEST = 4.0  # times the size that an effect is screened with
-_WORTH_WEIGHING = 60.0  # nats behind the best
-_LINE_SEARCH = np.log(400.0)  # price of a search over frequencies and amplitudes
+LINE_SEARCH = np.log(400.0)  # price of a search over frequencies and amplitudes
 
 
 @dataclass(frozen=True)
@@ -106,34 +94,6 @@ class Fitted:
     def x(self) -> Floats:
         """Coefficients alpha2, alpha1, a1, a0, b0."""
         return to_x(self.z[:5])
-
-
-@dataclass(frozen=True)
-class Explanations:
-    """All fits of the angle, and the interference that was found.
-
-    Attributes
-    ----------
-    bench : Bench
-        What was fitted.
-    fits : dict
-        By effects.
-    line : Line
-        Of the averaged samples.
-    excluded : tuple of str
-        Effects that the library was to lack. The plain model identified again is fitted all the
-        same: what it does better is then unknown.
-    """
-
-    bench: Bench
-    fits: dict[Ids, Fitted]
-    line: Line
-    excluded: Ids = ()
-
-    @property
-    def plain(self) -> Fitted:
-        """The plain model."""
-        return self.fits[()]
 
 
 def fit(
@@ -295,167 +255,19 @@ def _climb(log: object, at: int) -> tuple[float, int]:
     return best, at
 
 
-@dataclass(frozen=True)
-class Shown:
-    """What a score test shows of an effect from one start: nats, and the point it begins at."""
-
-    name: str
-    gain: float
-    z: Floats
-
-
-def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
-    """Weigh effects beside a fitted explanation by a score test, best first.
-
-    Parameters
-    ----------
-    bench : Bench
-        The campaign.
-    base : Fitted
-        The explanation.
-    names : sequence of str
-        Effects; those of the explanation are left out.
-    """
-    problem = AngleProblem(bench, base.ids, base.changed)
-    factor = bench.whitening.factor(1.0, SETTINGS.search_share)
-    linear = problem.linear(base.z)
-    own = problem.white(factor, np.hstack([linear.columns, linear.slopes @ problem.root]))
-    left = problem.white(factor, linear.left)
-    precision = np.append(1.0 / problem.spread(base.variances), np.ones(problem.parameters))
-    matrix = own.T @ own
-    matrix[np.diag_indices_from(matrix)] += precision
-    root = np.linalg.cholesky(matrix)
-    half = solve_triangular(root, own.T, lower=True)
-    away = solve_triangular(problem.root, problem.centre - base.z, lower=True)
-    pull = np.append(np.zeros(precision.size - away.size), away)
-    taken = half @ left + solve_triangular(root, pull, lower=True)
-    y, fixed = problem.predict(base.z)
-    drifts = np.zeros(bench.evidence.drift_deg.size)
-    shown = []
-    for name in names:
-        if name in base.ids:
+def without_others(angle: Fitted, ids: Ids) -> Floats:
+    """Take what is searched of some effects out of a fit that holds them among others."""
+    kept, at = [angle.z[:5]], 5
+    for name in angle.ids:
+        if LIBRARY[name].port != "chain":
             continue
-        wide = AngleProblem(bench, ordered((*base.ids, name)), base.changed)
-        slots = LIBRARY[name].slots
-        mine = np.array([slots.start <= slot.place < slots.stop for slot in wide.slots])
-        signed = LIBRARY[name].parameters[0].low < 0.0
-        for point in starts(AngleProblem(bench, (name,)), base.z[:5]):
-            z = np.empty(wide.parameters)
-            z[:5], z[5:][~mine], z[5:][mine] = base.z[:5], base.z[5:], point[5:]
-            there, fixed_there = wide.predict(z)
-            change = np.concatenate([problem.rows.merged(there - y), fixed_there - fixed, drifts])
-            column = problem.white(factor, change)
-            shadow = half @ column
-            seen = float(column @ column - shadow @ shadow) + 1.0
-            score = float(column @ left - shadow @ taken)
-            size = float(np.clip(score / seen, -_FARTHEST if signed else 0.0, _FARTHEST))
-            shown.append(Shown(name, size * score - 0.5 * size**2 * seen, z))
-    return sorted(shown, key=lambda s: -s.gain)
-
-
-def _points(shown: Sequence[Shown], name: str) -> list[Floats]:
-    return [s.z for s in shown if s.name == name][:_BEST_STARTS]
-
-
-def _first(shown: Sequence[Shown], count: int) -> list[str]:
-    return list(dict.fromkeys(s.name for s in shown))[:count]
-
-
-def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
-    """Fit every explanation that may win.
-
-    Parameters
-    ----------
-    bench : Bench
-        The campaign; how large its gap is need not be known.
-    excluded : sequence of str
-        Effects that the library is to lack.
-    """
-    bench = _gap_known(bench)
-    plain = fit(bench, (), bench.starts)
-    linear, chained = _to_try(bench, excluded)
-    again = at_port("coefficients", excluded)
-    shown = screen(bench, plain, chained)
-    alone = [((n,), [plain.z]) for n in linear]
-    alone += [((n,), _points(shown, n)) for n in _first(shown, _SINGLES)]
-    if again is not None and not bench.own:
-        alone.append(((again,), [plain.z]))
-    fits = {(): plain} | {f.ids: f for f in each(lambda a: fit(bench, a[0], a[1], plain), alone)}
-    allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
-    hosts = sorted(allowed, key=lambda f: -f.quick)[:_HOSTS]
-    beside: dict[Ids, list[Floats]] = {}
-    for host, more in zip(hosts, each(lambda h: screen(bench, h, chained), hosts), strict=True):
-        for name in _first(more, _BESIDE):
-            beside.setdefault(ordered((*host.ids, name)), _points(more, name)[:1])
-        for name in linear:
-            beside.setdefault(ordered((*host.ids, name)), [host.z])
-    beside = {ids: points for ids, points in beside.items() if len(ids) == 2}
-    pairs = each(lambda a: fit(bench, a[0], a[1], plain), list(beside.items()))
-    fits |= {f.ids: f for f in pairs}
-    bench, fits, line = _with_line(bench, fits, excluded)
-    best = max(f.quick for f in fits.values())
-    near = [f for f in fits.values() if f.quick > best - _WORTH_WEIGHING or not f.ids]
-    for f in each(lambda f: weighed(bench, f), near):
-        fits[f.ids] = f
-    return Explanations(bench, fits, line, tuple(excluded))
-
-
-def _gap_known(bench: Bench) -> Bench:
-    """Say how large the gap is, and factor what all searches need."""
-    y = plain_deg(bench)
-    if bench.own:
-        y = fit(bench, (), bench.starts, share=0.0).predicted_deg
-    bench = bench.with_gap(bench.evidence.grid.angle_deg - y, y)
-    for share in (SETTINGS.search_share, *SHARES):
-        bench.whitening.factor(1.0, share)
-    return bench
-
-
-def _to_try(bench: Bench, excluded: Sequence[str]) -> tuple[list[str], list[str]]:
-    """List the effects that are columns or covariances, and those that are simulated."""
-    linear, chained = [], []
-    for name in LIBRARY:
-        effect = LIBRARY[name]
-        known = effect.stage == "drive" and bench.chain.is_pressure
-        if name in excluded or known or effect.port == "line":
-            continue
-        if effect.port == "chain":
-            chained.append(name)
-        elif not (effect.port == "coefficients" and bench.own):
-            linear.append(name)
-    return linear, chained
-
-
-def _with_line(
-    bench: Bench, fits: dict[Ids, Fitted], excluded: Sequence[str]
-) -> tuple[Bench, dict[Ids, Fitted], Line]:
-    """Look for an interference beside the best explanation, and fit it beside others."""
-    name = at_port("line")
-    if name is None or name in excluded:
-        return bench, fits, NONE
-    allowed = [f for f in fits.values() if not set(f.ids) & set(excluded)]
-    best = weighed(bench, max(allowed, key=lambda f: f.quick))
-    share = SHARES[int(np.argmax(best.logs))]
-    problem = AngleProblem(bench, best.ids, best.changed)
-    factor = bench.whitening.factor(best.level, min(share, SHARES[3]))
-    linear, n = problem.linear(best.z), problem.rows.size
-    white = bench.whitening.white(factor, np.hstack([linear.columns[:n], linear.slopes[:n]]))
-    left = bench.whitening.white(factor, linear.left[:n])
-    line = slow_line(problem.rows, bench.whitening, factor, left, np.linalg.qr(white)[0].T)
-    if line.gain < SETTINGS.line_nats:
-        return bench, fits, NONE
-    scales = bench.scales.copy()
-    scales[LINE] = line.amplitude_deg / np.sqrt(2.0)
-    bench = replace(bench, line=line.frequency_hz, scales=scales)
-    hosts = [f for f in allowed if len(f.ids) < 2 or f.ids == best.ids]
-    waved = each(
-        lambda f: fit(bench, ordered((*f.ids, name)), [f.z], fits[()]),
-        hosts,
-    )
-    more = {f.ids: replace(f, quick=f.quick - _LINE_SEARCH) for f in waved}
-    return bench, fits | more, line
+        end = at + len(LIBRARY[name].parameters)
+        if name in ids:
+            kept.append(angle.z[at:end])
+        at = end
+    return np.concatenate(kept)
 
 
 def price(fitted: Fitted) -> float:
     """Say what a search over frequencies costs an explanation, nats."""
-    return float(_LINE_SEARCH) if at_port("line", fitted.ids) else 0.0
+    return float(LINE_SEARCH) if at_port("line", fitted.ids) else 0.0

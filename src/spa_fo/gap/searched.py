@@ -13,20 +13,39 @@ Floats = NDArray[np.float64]
 
 LN_GAIN = 4
 """Place of the static gain's logarithm among the searched coefficients."""
-LOWEST = np.array([0.05, 0.02, -8.0, -8.0, -8.0])
-HIGHEST = np.array([1.995, 1.98, 8.0, 8.0, 8.0])
+LOWEST = np.array([0.05, 0.01, -8.0, -8.0, -8.0])
+HIGHEST = np.array([1.995, 0.9995, 8.0, 8.0, 8.0])
 """Bounds of the searched coefficients."""
 
 
 def to_z(x: Floats) -> Floats:
-    """Take coefficients to the space they are searched in: orders, ln a1, ln a0, ln K."""
-    return np.array([x[0], x[1], np.log(x[2]), np.log(x[3]), np.log(x[4] / x[3])])
+    """Take coefficients to where they are searched: alpha2, alpha1/alpha2, ln a1, ln a0, ln K.
+
+    The ratio keeps alpha1 below alpha2 by a bound of its own.
+    """
+    return np.array([x[0], x[1] / x[0], np.log(x[2]), np.log(x[3]), np.log(x[4] / x[3])])
 
 
 def to_x(z: Floats) -> Floats:
     """Take searched coefficients back."""
     a0 = np.exp(z[3])
-    return np.array([z[0], z[1], np.exp(z[2]), a0, a0 * np.exp(z[4])])
+    return np.array([z[0], z[1] * z[0], np.exp(z[2]), a0, a0 * np.exp(z[4])])
+
+
+def searched_spread(z: Floats, orders: float, logs: float, gain: float) -> Floats:
+    """Covariance of searched coefficients about `z`, (5, 5).
+
+    Parameters
+    ----------
+    z : (5,) array
+        Searched coefficients.
+    orders, logs, gain : float
+        Standard deviations of both orders, of ln a1 and ln a0, and of ln K.
+    """
+    slopes = np.eye(5)
+    slopes[1, :2] = -z[1] / z[0], 1.0 / z[0]
+    spread = np.diag(np.square([orders, orders, logs, logs, gain]))
+    return np.asarray(slopes @ spread @ slopes.T)
 
 
 def paced(x: Floats, pace: float) -> Floats:
@@ -65,12 +84,3 @@ class Slot:
     def centre(self) -> float:
         """Prior mean of the searched number."""
         return self.searched(self.parameter.centre)
-
-
-def keep_apart(z: Floats) -> Floats:
-    """Keep alpha1 below alpha2."""
-    if z[1] < z[0] - 1e-3:
-        return z
-    z = z.copy()
-    z[1] = z[0] - 1e-3
-    return z

@@ -65,7 +65,7 @@ class Settings:
     # --- the pressure ----------------------------------------------------------------------------
     pressure_offset_kpa: float = _number(0.4, "kPa", "assumed", "zero of a pressure sensor")
     pressure_gain: float = _number(0.004, "1", "assumed", "gain error of a pressure sensor")
-    pressure_late_s: float = _number(0.03, "s", "assumed", "lateness of a pressure channel")
+    pressure_lag_s: float = _number(0.03, "s", "assumed", "lag of a pressure sensor")
     angle_late_s: float = _number(0.006, "s", "assumed", "part of a sample that a row is late by")
     # --- what a form misses ----------------------------------------------------------------------
     search_share: float = _number(
@@ -115,7 +115,7 @@ class Settings:
     line_nats: float = _number(5.0, "nat", "assumed", "an interference that is worth a fit")
     # --- the answer ------------------------------------------------------------------------------
     covered: float = _number(0.93, "probability", "learned", "that the sets named hold together")
-    least: float = _number(0.06, "probability", "learned", "below which a set is not listed")
+    least: float = _number(0.1, "probability", "learned", "below which a set is not listed")
     closes: float = _number(
         0.1, "of the gap", "assumed", "a set that closes less on held-out trials is no cause"
     )

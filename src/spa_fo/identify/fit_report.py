@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spa_fo.identify.curve_report import curve_lines
 from spa_fo.identify.selection import FRACTIONAL, OrderComparison
 from spa_fo.identify.uncertainty import Uncertainty
 from spa_fo.plant import PARAMETERS
@@ -26,6 +27,10 @@ def fit_report(result: FitResult) -> str:
     lines = [*head_lines(result), "", *_parameter_lines(result), "", *error_lines(result)]
     if result.orders is not None:
         lines += ["", *order_lines(result.orders)]
+    if result.curve is not None:
+        lines += ["", *curve_lines(result.curve)]
+    if result.drive is not None:
+        lines += ["", *result.drive.lines()]
     strong = strong_correlations(result.uncertainty) if result.uncertainty else []
     if strong:
         pairs = [f"{a} {b} {value:+.4f}" for a, b, value in strong]

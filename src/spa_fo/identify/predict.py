@@ -14,6 +14,7 @@ from spa_fo.identify.whole_log import HOLD, input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import is_augmented, predict_alone, predict_augmented
 from spa_fo.plant.effects.own import use_effects_of
+from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import CampaignData, Trial
 
 PREDICTION_COLUMNS = ("experiment", "trial", "t_s", "angle_deg", "predicted_deg")
@@ -91,6 +92,9 @@ def predict_campaign(
 def _predict_plain(model: Model, trial: Trial) -> NDArray[np.float64]:
     pressure = input_of(trial, model.signal)
     assert pressure is not None
+    curve = curve_of(model)
+    if curve is not None:
+        return curve.predict(model, trial.t_s, pressure, HOLD[model.signal])
     g = model.transfer_function
     u = pressure / model.reference_kpa
     angle = simulate(trial.t_s, u, g.alpha2, g.alpha1, g.a1, g.a0, g.b0, hold=HOLD[model.signal])

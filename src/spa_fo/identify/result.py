@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.fractional import simulate, step_map
 from spa_fo.identify.bounds import Bounds
+from spa_fo.identify.curve_choice import CurveChoice, choose_curve
+from spa_fo.identify.drive_fit import KEY as DRIVE
+from spa_fo.identify.drive_fit import DriveFit, fit_drive
 from spa_fo.identify.moderate import WORTH, moderate_optimum
 from spa_fo.identify.polish import Optimum, fit_optimum
 from spa_fo.identify.protocol import StepData, is_step, step_data
@@ -66,7 +69,7 @@ class FitResult:
     Attributes
     ----------
     model : Model
-        For `write_model`.
+        The plain one, for `write_model`.
     fitted_on : str
         `ON_STEPS` or `ON_WHOLE_LOGS`.
     provenance : str
@@ -82,6 +85,10 @@ class FitResult:
         Standard errors of `QUANTITIES` for whole logs; None for up-steps and for a single log.
     orders : OrderComparison or None
         The model beside those of integer order, on the same samples.
+    curve : CurveChoice or None
+        A static curve beside the plain model, where one was asked for.
+    drive : DriveFit or None
+        From command to pressure, where a curve was asked for and the command is no pressure.
     left_out : tuple of str
         Trials not used, and why.
     data : StepData or None
@@ -100,6 +107,16 @@ class FitResult:
     data: StepData | None = None
     log_errors: Floats | None = None
     orders: OrderComparison | None = None
+    curve: CurveChoice | None = None
+    drive: DriveFit | None = None
+
+    @property
+    def chosen_model(self) -> Model:
+        """The model with its static curve, where one was asked for and is worth having."""
+        model = self.model if self.curve is None else self.curve.augment(self.model)
+        if self.drive is None:
+            return model
+        return replace(model, extra={**model.extra, DRIVE: self.drive.to_dict()})
 
     @property
     def gain(self) -> float:
@@ -146,6 +163,8 @@ class FitResult:
             if self.log_errors is None
             else dict(zip(QUANTITIES, self.log_errors, strict=True)),
             "orders": None if self.orders is None else self.orders.to_dict(),
+            "static_curve": None if self.curve is None else self.curve.to_dict(),
+            "drive": None if self.drive is None else self.drive.to_dict(),
             "left_out": self.left_out,
             "warnings": self.warnings,
         }
@@ -162,11 +181,12 @@ def fit_campaign(
     points: int = POINTS,
     bootstrap: int | None = 400,
     bounds: Bounds | None = None,
+    static_curve: bool = False,
 ) -> FitResult:
     """Identify a campaign's model: the optimum in free bounds (see `moderate`), or in given ones.
 
     On the up-steps of its step experiments; on whole logs where it has none, or where
-    `whole_logs` says so, or the input is to be the measured pressure.
+    `whole_logs` says so, the input is to be the measured pressure, or a static curve is asked for.
 
     Parameters
     ----------
@@ -186,6 +206,8 @@ def fit_campaign(
         which takes most of its time.
     bounds : Bounds, optional
         Of the search; see `own_bounds`.
+    static_curve : bool
+        Try a static curve before or behind the linear part as well; see `choose_curve`.
 
     Raises
     ------
@@ -195,9 +217,10 @@ def fit_campaign(
     _refuse_stillness(data)
     has_steps = any(is_step(trial) for trial in data.trials)
     signal = signal or _signal_of(data)
-    if has_steps and not whole_logs and signal == "command":
+    on_logs = whole_logs or static_curve or not has_steps
+    if signal == "command" and not on_logs:
         return _fit_steps(data, seed, points, bootstrap, bounds)
-    return _fit_logs(data, signal, bounds)
+    return _fit_logs(data, signal, bounds, static_curve)
 
 
 def _signal_of(data: CampaignData) -> str:
@@ -243,7 +266,9 @@ def _fit_steps(
     )
 
 
-def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResult:
+def _fit_logs(
+    data: CampaignData, signal: str, bounds: Bounds | None, static_curve: bool
+) -> FitResult:
     campaign = data.campaign
     logs = log_data(data.trials, campaign.reference_kpa, signal, campaign.yaml)
     optimum = _optimum(lambda box: fit_whole_logs(logs, box), bounds)
@@ -268,7 +293,16 @@ def _fit_logs(data: CampaignData, signal: str, bounds: Bounds | None) -> FitResu
         left_out=tuple(f"{label}: no {signal} in its log" for label in without),
         log_errors=errors,
         orders=orders,
+        curve=_curve(logs, optimum, data) if static_curve else None,
+        drive=fit_drive(data) if static_curve else None,
     )
+
+
+def _curve(logs: list[LogData], optimum: Optimum, data: CampaignData) -> CurveChoice:
+    try:
+        return choose_curve(logs, optimum, data.campaign.reference_kpa)
+    except ValueError as error:
+        raise BadInput(data.campaign.yaml, f"a static curve: {error}", "experiments") from None
 
 
 def _refuse_stillness(data: CampaignData) -> None:

@@ -166,15 +166,26 @@ def _compare(
     contenders = []
     for name, values in parameters.items():
         variance = squares[name] / samples
-        aic, bic = _criteria(variance, len(values), independent)
+        aic, bic = criteria(variance, len(values), independent)
         rms = float(np.degrees(np.sqrt(variance)))
         contenders.append(Contender(name, values, rms, aic, bic))
     return OrderComparison(tuple(contenders), samples, independent)
 
 
-def _criteria(
+def criteria(
     variance: float, parameters: int, independent: float
 ) -> tuple[float | None, float | None]:
+    """Return AIC and BIC of residuals; None where the independent samples are too few.
+
+    Parameters
+    ----------
+    variance : float
+        Of the residuals.
+    parameters : int
+        Of the model.
+    independent : float
+        Samples that count, see `independent_samples`.
+    """
     free = parameters + 1
     if variance <= 0.0 or independent <= len(PARAMETERS) + 1:
         return None, None

@@ -215,18 +215,56 @@ def _inside(x: Floats, bounds: Bounds) -> Floats:
     return x
 
 
-class _Problem:
-    """Residuals of all logs in scaled variables.
+@dataclass(frozen=True)
+class Scaled:
+    """The variables of the search, z = (alpha2 - alpha1, alpha1, ln a1, ln a0, ln b0).
 
-    The variables are z = (alpha2 - alpha1, alpha1, ln a1, ln a0, ln b0): in them the order of
-    the orders is a bound like any other.
+    In them the order of the orders is a bound like any other.
     """
+
+    bounds: Bounds
+
+    def box(self) -> tuple[Floats, Floats]:
+        """Return lower and upper bounds of z."""
+        low, high = self.bounds.lower, self.bounds.upper
+        lower = np.concatenate([[ORDER_GAP, low[1]], np.log(low[2:])])
+        upper = np.concatenate([[high[0] - low[1], high[1]], np.log(high[2:])])
+        return lower, np.maximum(upper, lower + 1e-6)
+
+    def z(self, x: Floats) -> Floats:
+        """Return z of `x`, inside the box."""
+        lower, upper = self.box()
+        z = np.concatenate([[x[0] - x[1], x[1]], np.log(x[2:])])
+        return np.asarray(np.clip(z, lower + 1e-9, upper - 1e-9))
+
+    def x(self, z: Floats) -> Floats:
+        """Return alpha2, alpha1, a1, a0, b0."""
+        x = np.concatenate([[z[0] + z[1], z[1]], np.exp(z[2:])])
+        # The box in z is a little larger than that of alpha2.
+        x[0] = np.clip(
+            x[0], max(self.bounds.lower[0], x[1] + 0.5 * ORDER_GAP), self.bounds.upper[0]
+        )
+        return x
+
+    def derivative(self, x: Floats, jacobian: Floats) -> Floats:
+        """Turn derivatives in x, (n, 5), into those in z, in place."""
+        jacobian[:, 2:] *= x[2:]
+        if self.bounds.lower[0] < x[0] < self.bounds.upper[0]:
+            jacobian[:, 1] += jacobian[:, 0]
+        else:
+            jacobian[:, 0] = 0.0
+        return jacobian
+
+
+class _Problem:
+    """Residuals of all logs in scaled variables."""
 
     def __init__(self, logs: Sequence[LogData], bounds: Bounds) -> None:
         self.maps: list[ResponseMap] = [input_map(log.t, log.u, log.hold) for log in logs]
         self.known = [log.known for log in logs]
         self.measured = np.concatenate([log.angle_rad[log.known] for log in logs])
         self.samples = self.measured.size
+        self.scaled = Scaled(bounds)
         self.bounds = bounds
         self.evaluations = 0
 
@@ -260,10 +298,10 @@ class _Problem:
 
     def polish(self, x: Floats, evaluations: int) -> tuple[Floats, float, bool]:
         """Return parameters, sum of squares, and whether the method converged."""
-        lower, upper = self._box()
+        lower, upper = self.scaled.box()
         result = least_squares(
             self._residual,
-            np.clip(_z(x), lower + 1e-9, upper - 1e-9),
+            self.scaled.z(x),
             jac=self._jacobian,
             bounds=(lower, upper),
             x_scale="jac",
@@ -272,41 +310,18 @@ class _Problem:
             gtol=1e-12,
             max_nfev=evaluations,
         )
-        return self._x(result.x), float(2.0 * result.cost), bool(result.status > 0)
+        return self.scaled.x(result.x), float(2.0 * result.cost), bool(result.status > 0)
 
     def _residual(self, z: Floats) -> Floats:
-        return np.asarray(self.response(self._x(z)) - self.measured)
-
-    def _box(self) -> tuple[Floats, Floats]:
-        low, high = self.bounds.lower, self.bounds.upper
-        lower = np.concatenate([[ORDER_GAP, low[1]], np.log(low[2:])])
-        upper = np.concatenate([[high[0] - low[1], high[1]], np.log(high[2:])])
-        return lower, np.maximum(upper, lower + 1e-6)
-
-    def _x(self, z: Floats) -> Floats:
-        x = np.concatenate([[z[0] + z[1], z[1]], np.exp(z[2:])])
-        # The box in z is a little larger than that of alpha2.
-        x[0] = np.clip(
-            x[0], max(self.bounds.lower[0], x[1] + 0.5 * ORDER_GAP), self.bounds.upper[0]
-        )
-        return x
+        return np.asarray(self.response(self.scaled.x(z)) - self.measured)
 
     def _jacobian(self, z: Floats) -> Floats:
-        x = self._x(z)
+        x = self.scaled.x(z)
         self.evaluations += 1
         jacobian = np.concatenate(
             [m.jacobian(x)[known] for m, known in zip(self.maps, self.known, strict=True)]
         )
-        jacobian[:, 2:] *= x[2:]
-        if self.bounds.lower[0] < x[0] < self.bounds.upper[0]:
-            jacobian[:, 1] += jacobian[:, 0]
-        else:
-            jacobian[:, 0] = 0.0
-        return jacobian
-
-
-def _z(x: Floats) -> Floats:
-    return np.concatenate([[x[0] - x[1], x[1]], np.log(x[2:])])
+        return self.scaled.derivative(x, jacobian)
 
 
 def _resample(

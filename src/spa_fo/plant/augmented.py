@@ -16,7 +16,10 @@ from spa_fo.plant.chain import Chain, Memory, Seat, chain_for
 from spa_fo.plant.effects.effect import Effect, Parameter
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.grid import campaign_grid
+from spa_fo.plant.law import LAW, Law, law_of
+from spa_fo.plant.lawful import with_law
 from spa_fo.plant.model_file import Model
+from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import Campaign, CampaignData, Trial
 from spa_fo.validation import suggestion
 
@@ -33,7 +36,8 @@ def effects_vector(model: Model, source: Source = "model") -> Floats:
     """Return the parameters of all effects in the library's order, NaN where absent.
 
     The parameters of ``parameter_shift`` are for the reader: its coefficients already stand in
-    the transfer function.
+    the transfer function. A free-form law (`law_in`) and a static curve (`static_curve.curve_of`)
+    are no effects of the library.
 
     Parameters
     ----------
@@ -50,7 +54,11 @@ def effects_vector(model: Model, source: Source = "model") -> Floats:
     """
     vector = absent()
     seen: set[str] = set()
+    if curve_of(model, source) is not None:
+        return vector
     for index, effect in enumerate(model.effects):
+        if effect["id"] == LAW:
+            continue
         entry = _Entry(effect, f"effects[{index}]", source)
         form = entry.form()
         if form.id in seen:
@@ -60,6 +68,24 @@ def effects_vector(model: Model, source: Source = "model") -> Floats:
         if form.parameters:
             vector[form.slots] = entry.values(form)
     return vector
+
+
+def law_in(model: Model, source: Source = "model") -> Law | None:
+    """Return the free-form law that a model holds, if any.
+
+    Raises
+    ------
+    BadInput
+        Its place, stage, knots or values are not what a law has, or there is a second one.
+    """
+    laws = [
+        law_of(effect, f"effects[{index}]", source)
+        for index, effect in enumerate(model.effects)
+        if effect["id"] == LAW
+    ]
+    if len(laws) > 1:
+        raise BadInput(source, f"holds {len(laws)} laws; expected one at most", "effects")
+    return laws[0] if laws else None
 
 
 def is_augmented(model: Model, source: Source = "model") -> bool:
@@ -74,7 +100,7 @@ def is_augmented(model: Model, source: Source = "model") -> bool:
     """
     vector = effects_vector(model, source)
     vector[LIBRARY["mains_pickup"].slots] = np.nan
-    return not bool(np.isnan(vector).all())
+    return law_in(model, source) is not None or not bool(np.isnan(vector).all())
 
 
 def predict_augmented(
@@ -179,7 +205,13 @@ def _run(model: Model, trials: Sequence[Trial], memory: Memory, source: Source) 
     # After an earlier campaign the film is as its last trial left it.
     fresh = math.isnan(memory.ends_s)
     chain = chain.seated(seat) if fresh else replace(chain, seat=seat)
-    reading, after = chain.readings(x, effects)
+    law = law_in(model, source)
+    if law is not None:
+        chain = with_law(chain, law)
+    try:
+        reading, after = chain.readings(x, effects)
+    except ValueError as error:  # a law with which nothing settles
+        raise BadInput(source, str(error), "effects") from error
     return _Run(chain, effects, reading, after)
 
 

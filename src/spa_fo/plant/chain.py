@@ -240,15 +240,28 @@ class Chain:
 
     def angles(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials; the true angle (deg) at the end of each step, the film untouched."""
-        grid, memory = self.grid, self.memory.copy()
-        load = self._load(effects, memory.play_kpa)
+        memory = self.memory.copy()
+        return self._moved(self._load(effects, memory.play_kpa), x, effects, memory)
+
+    def _moved(
+        self,
+        load: Floats,
+        x: Floats,
+        effects: Floats,
+        memory: Memory,
+        steps: slice = slice(None),
+    ) -> tuple[Floats, Memory]:
+        """Angle in some steps under the mean of u over each, `memory` carried on in place."""
         width, centre = effects[_PLAY]
         if not math.isnan(width) and not self.is_pressure:
-            load[grid.cells == 0] = resting_kpa(width, centre) / self.reference_kpa
-        load = self._pushed(load, x, effects, memory)
-        return self._move(load, x, effects, memory), replace(memory, ends_s=grid.ends_s)
+            load[self.grid.cells[steps] == 0] = resting_kpa(width, centre) / self.reference_kpa
+        load = self._pushed(load, x, effects, memory, steps)
+        angle = self._move(load, x, effects, memory, steps)
+        return angle, replace(memory, ends_s=self.grid.ends_s)
 
-    def _pushed(self, load: Floats, x: Floats, effects: Floats, memory: Memory) -> Floats:
+    def _pushed(
+        self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
+    ) -> Floats:
         """Give the load with what effects of a campaign's own make of it."""
         if not any(acting(effects, "actuator")):
             return load
@@ -256,17 +269,19 @@ class Chain:
         before = math.degrees(memory.stops[STOPS] + memory.creep.sum())
 
         def angle(pressure: Floats) -> Floats:
-            return self._move(pressure / kpa, x, effects, memory.copy())
+            return self._move(pressure / kpa, x, effects, memory.copy(), steps)
 
-        return moving_pressure(kpa * load, self.grid.level, effects, before, angle) / kpa
+        return moving_pressure(kpa * load, self.grid.level[steps], effects, before, angle) / kpa
 
-    def _move(self, load: Floats, x: Floats, effects: Floats, memory: Memory) -> Floats:
+    def _move(
+        self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
+    ) -> Floats:
         """Move the actuator; the memory is carried on in place."""
         c = self.contour
         angle = move(
             load,
-            self.grid.level,
-            self.grid.middle_s,
+            self.grid.level[steps],
+            self.grid.middle_s[steps],
             x,
             effects,
             c.nodes,

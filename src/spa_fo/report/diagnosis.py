@@ -20,6 +20,7 @@ from spa_fo.report.diagnosis_figures import (
 from spa_fo.report.effect_words import phrase
 from spa_fo.report.headline import opening
 from spa_fo.report.interactive_page import interactive_page
+from spa_fo.report.law_figure import law_table, laws_figure
 from spa_fo.report.opening_figure import opening_figure
 from spa_fo.report.sections import (
     bullets,
@@ -47,6 +48,8 @@ _CAPTIONS = {
     "the band is the noise floor, the faint lines are the other trials.",
     "ladder": "The ladder of explanations: error on trials that took no part, and probability. The "
     "explanations that stand are orange-red.",
+    "laws": "Free-form laws where they are missed: the law with a band that holds 95 %, over what "
+    "the trials visited only, and the forms that it resembles. Its straight part is taken out.",
     "stages": "Between the stages: measured pressure against the command, and the sensor in the "
     "calibration fixture.",
 }
@@ -81,6 +84,8 @@ def write_report(diagnosis: Diagnosis, folder: Path | str) -> tuple[Path, ...]:
         "before_after": before_after_figure,
         "ladder": ladder_figure,
     }
+    if diagnosis.laws:
+        draw["laws"] = laws_figure
     if has_stages(diagnosis.traces):
         draw["stages"] = stages_figure
     with filling(folder) as temporary:
@@ -89,8 +94,10 @@ def write_report(diagnosis: Diagnosis, folder: Path | str) -> tuple[Path, ...]:
             return save_figure(draw[name](diagnosis), temporary / name, _provenance(diagnosis))
 
         # Matplotlib's style is of the whole process: no threads.
-        figures = chain.from_iterable(each(drawn, list(draw), threads=False))
-        write_text(temporary / INTERACTIVE_PAGE, interactive_page(diagnosis))
+        figures = tuple(chain.from_iterable(each(drawn, list(draw), threads=False)))
+        laws = temporary / "laws.png"
+        picture = laws.read_bytes() if diagnosis.laws else None
+        write_text(temporary / INTERACTIVE_PAGE, interactive_page(diagnosis, picture))
         write_text(temporary / PAGE, document(diagnosis, tuple(draw)))
         write_files(diagnosis, temporary)
     for name in _CAPTIONS.keys() - draw.keys():
@@ -127,6 +134,7 @@ def document(diagnosis: Diagnosis, figures: Sequence[str] = ()) -> str:
                 *_figure("ladder", figures),
             ],
         ),
+        ("The missing law", [*law_table(diagnosis), *_figure("laws", figures)]),
         ("The parameters", [*parameter_tables(diagnosis)]),
         ("How far it shrinks", [*shrink_part(diagnosis), *_figure("before_after", figures)]),
         ("Where", [*where_part(diagnosis), *_figure("gap", figures)]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from spa_fo.plant.law import PLACES
 from spa_fo.report.causes import likelihood, percent
 from spa_fo.report.effect_words import joined, phrase, words_of
 
@@ -153,10 +154,17 @@ def _following(document: Mapping[str, Any]) -> str:
 
 def _closed(document: Mapping[str, Any]) -> str:
     shrink, kind = document["shrink"], document["verdict"]["kind"]
+    trials = "trials that it has not seen" if _held_out(document) else "the fitted trials"
+    carried = [law for law in document.get("laws", ()) if law["in_model"]]
+    if carried:
+        return (
+            "No cause has a name, but with a free-form law of "
+            f"{PLACES[carried[0]['place']].words} in the model "
+            f"{percent(carried[0]['fraction_closed'])} of the gap closes on {trials}"
+        )
     if shrink is None:
         return "Nothing is explained so far, so the model stays as it is"
     what = {"cause": "that", "ambiguous": "the first of them", "unknown": "the best stand-in"}[kind]
-    trials = "trials that it has not seen" if _held_out(document) else "the fitted trials"
     return (
         f"With {what} in the model the error on {trials} goes from "
         f"{shrink['before_rmse_deg']:.2f}° to {shrink['after_rmse_deg']:.2f}°, which closes "

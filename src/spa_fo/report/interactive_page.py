@@ -6,6 +6,7 @@ trace what a screen shows.
 
 from __future__ import annotations
 
+import base64
 import html
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,6 +21,7 @@ from spa_fo.report.glossary import listed, meanings
 from spa_fo.report.headline import opening
 from spa_fo.report.html_page import STYLE, html_of
 from spa_fo.report.interactive_figures import figures
+from spa_fo.report.law_figure import law_table
 from spa_fo.report.sections import (
     bullets,
     cause_table,
@@ -39,13 +41,15 @@ _LADDER = (
 )
 
 
-def interactive_page(diagnosis: Diagnosis) -> str:
+def interactive_page(diagnosis: Diagnosis, laws_png: bytes | None = None) -> str:
     """Lay a diagnosis out as a page.
 
     Parameters
     ----------
     diagnosis : Diagnosis
         Of any kind.
+    laws_png : bytes, optional
+        The picture of its laws, where it has any.
 
     Returns
     -------
@@ -62,7 +66,7 @@ def interactive_page(diagnosis: Diagnosis) -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{title}</title>\n<style>{style}</style>\n</head>\n<body>\n"
-        f"{''.join(_body(diagnosis, list(drawn)))}"
+        f"{''.join(_body(diagnosis, list(drawn), laws_png))}"
         f'<script type="application/json" id="figures">{curves}</script>\n'
         f"<script>{get_plotlyjs()}</script>\n"
         f"<script>{_asset('diagnosis_page.js')}</script>\n</body>\n</html>\n"
@@ -73,13 +77,16 @@ def _asset(name: str) -> str:
     return (_HERE / name).read_text(encoding="utf-8")
 
 
-def _body(diagnosis: Diagnosis, titles: Sequence[str]) -> Iterator[str]:
+def _body(diagnosis: Diagnosis, titles: Sequence[str], laws_png: bytes | None) -> Iterator[str]:
     yield from _opening(diagnosis, titles)
     yield from _section("What to do next", [*bullets(next_steps(diagnosis))])
     yield _headed("How far it closes", _ladder(diagnosis))
     yield from _section(
         "Which cause", [cause_table(diagnosis), f"Held out: {diagnosis.held_out_on}."]
     )
+    if diagnosis.laws:
+        said = html_of("\n\n".join(law_table(diagnosis)))
+        yield _headed("The missing law", f"{said}{_picture(laws_png)}")
     where = list(_where(diagnosis))
     if where:
         yield _headed("Where the gap is", f'<div class="maps">{"".join(where)}</div>')
@@ -117,6 +124,14 @@ def _opening(diagnosis: Diagnosis, titles: Sequence[str]) -> Iterator[str]:
         "click to zoom out, click on a name to hide or show it</span></p>\n"
         '<div id="picture"></div>\n'
     )
+
+
+def _picture(png: bytes | None) -> str:
+    """Put a picture into the page itself."""
+    if png is None:
+        return ""
+    data = base64.b64encode(png).decode("ascii")
+    return f'<p><img alt="the laws over what was visited" src="data:image/png;base64,{data}"></p>'
 
 
 def _headed(title: str, body: str) -> str:

@@ -53,7 +53,9 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         first = f"{_USE_MODEL} It holds the first explanation; its parameters are no physics before"
         return [*written, f"{first} the others are ruled out."]
     look = "Trust no name here: look at the rig where and when the gap is largest."
-    part = [f"{_USE_MODEL} It holds the part that is explained."] if diagnosis.sets else []
+    held = ["the part that is explained"] if diagnosis.sets else []
+    held += ["a law without a name"] if any(law.carried for law in diagnosis.laws) else []
+    part = [f"{_USE_MODEL} It holds {joined(held, 'and')}."] if held else []
     return [*written, look, *part]
 
 

@@ -31,17 +31,26 @@ What is plausible of each effect's parameters stands apart, in
 `src/spa_fo/plant/effects/`; how finely things are computed stands beside the code that
 does it.
 
+How many verdicts move when a number is halved or doubled is what {sweep} says.
+
 | name | value | unit | origin | reason |
 |---|--:|---|---|---|
 """
 
 
-def page(settings: Settings = SETTINGS) -> str:
-    """Return the page of numbers in Markdown."""
+_SWEEP = "settings_sweep.md"
+
+
+def page(settings: Settings = SETTINGS, swept: bool = False) -> str:
+    """Return the page of numbers in Markdown; `swept` links to the page of what each moves."""
     listed = list(settings.listed())
     origins = [origin for _, _, _, origin, _ in listed]
     counts = [f"{origins.count(kind)} {kind}" for kind in get_args(Origin)]
-    head = _HEAD.format(total=len(listed), counts=f"{', '.join(counts[:-1])} and {counts[-1]}")
+    head = _HEAD.format(
+        total=len(listed),
+        counts=f"{', '.join(counts[:-1])} and {counts[-1]}",
+        sweep=f"[the sweep]({_SWEEP})" if swept else "`benchmarks/settings_sweep.py`",
+    )
     return head + "".join(_row(*number) for number in listed)
 
 
@@ -64,7 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("folder", metavar="DOCS", type=Path, help="gets settings.md")
     given = parser.parse_args(arguments)
     with bad_input_exits():
-        write_text(given.folder / "settings.md", page())
+        swept = (given.folder / _SWEEP).is_file()
+        write_text(given.folder / "settings.md", page(swept=swept))
     return 0
 
 

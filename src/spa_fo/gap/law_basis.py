@@ -1,0 +1,196 @@
+"""Free-form laws as smooth functions with a prior: knots, shapes and what they were visited by.
+
+Beforehand a law's values at its knots are Gaussian with the covariance that a curvature prior
+leaves, ∫ f''² being charged (Wahba 1990, doi:10.1137/1.9781611970128); what gain and coefficients
+can do, its straight part over what was visited, is taken out, and it is 0 at 0. A law over the
+trials' order is charged for its changes and has no mean. Relaxation times are independent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.linalg import null_space, solve_triangular
+
+from spa_fo.plant.law import Law
+
+Floats = NDArray[np.float64]
+
+ORDERED = ("trial_gain", "trial_rest")
+"""Places of laws over the trials' order."""
+
+_KNOTS, _SIGNED_KNOTS = 7, 9
+_OF_EITHER_SIGN = ("filling", "damping")
+_TIMES = 6
+_QUICKEST_S = 0.3  # relaxation time: what is quicker looks like damping
+_EDGE = 0.5  # per cent of the steps on either side that say nothing of the range
+_FINE = 60  # points that a curve is drawn with
+
+
+@dataclass(frozen=True)
+class Basis:
+    """A law before it is fitted: its values are `shape` times standard normal numbers.
+
+    Attributes
+    ----------
+    place : str
+        Where it sits.
+    knots : (k,) array
+        Where its values are.
+    shape : (k, m) array
+        Scaled so that beforehand the law is 1 in size, RMS over what was visited.
+    low, high : float
+        What was visited.
+    line, taken : (k,) arrays
+        What gain and coefficients do there, a line or over the trials a constant, and the mean
+        that says how much of it is in values at the knots.
+    keeps_line : bool
+        Whether the law may be straight.
+    """
+
+    place: str
+    knots: Floats
+    shape: Floats
+    low: float
+    high: float
+    line: Floats
+    taken: Floats
+    keeps_line: bool = False
+
+    @property
+    def is_odd(self) -> bool:
+        """Whether it is 0 at 0 and may go on below: a law of the motion."""
+        return self.place not in ORDERED
+
+    @property
+    def size(self) -> int:
+        """How many coefficients it has."""
+        return int(self.shape.shape[1])
+
+    def law(self, e: Floats) -> Law:
+        """Return the law of these coefficients."""
+        return Law(self.place, self.knots, self.shape @ e)
+
+    def coefficients(self, values: Floats) -> Floats:
+        """Give the coefficients nearest to values at the knots, (k,) or (k, j)."""
+        return np.asarray(np.linalg.lstsq(self.shape, values, rcond=None)[0])
+
+    def drawn_over(self) -> Floats:
+        """Points over what was visited, for a curve."""
+        if self.place == "relaxation":
+            return self.knots
+        return np.linspace(self.low, self.high, _FINE)
+
+    def curve(self, at: Floats) -> Floats:
+        """Give the matrix from coefficients to the curve's values, (n, m)."""
+        if self.place == "relaxation":
+            return self.shape
+        return np.column_stack([Law(self.place, self.knots, s).at(at) for s in self.shape.T])
+
+
+def motion_basis(place: str, over: Floats, weight: Floats, straight: bool = False) -> Basis:
+    """Lay a law over what a signal visited.
+
+    Parameters
+    ----------
+    place : str
+        Where it sits.
+    over, weight : (n,) arrays
+        The signal, and how long it stayed there.
+    straight : bool
+        Whether the law keeps its straight part.
+    """
+    low, high = np.percentile(over, [_EDGE, 100.0 - _EDGE])
+    low, high = min(float(low), 0.0), max(float(high), 0.0)
+    knots = _signed_knots(low, high) if place in _OF_EITHER_SIGN else _even_knots(low, high)
+    held, charged = (knots == 0.0).astype(np.float64)[None, :], _curvature(knots)
+    if straight:
+        # A slope is as likely as a curvature that turns by as much over the range.
+        charged, taken = charged + _slope(knots), np.zeros(knots.size)
+    else:
+        taken = (weight * over) @ _splines(knots, over)
+        taken = taken / (taken @ knots)
+        held = np.vstack([held, taken])
+    shape = _shape(charged, null_space(held))
+    return _scaled(Basis(place, knots, shape, low, high, knots, taken, straight))
+
+
+def _even_knots(low: float, high: float) -> Floats:
+    knots = np.linspace(low, high, _KNOTS)
+    knots[np.argmin(np.abs(knots))] = 0.0
+    return knots
+
+
+def _signed_knots(low: float, high: float) -> Floats:
+    """Closer about 0, where friction and valves bend."""
+    share = np.linspace(-1.0, 1.0, _SIGNED_KNOTS)
+    knots = np.where(share < 0.0, -low, high) * share * np.abs(share)
+    return np.unique([*knots.tolist(), 0.0])
+
+
+def order_basis(place: str, orders: Floats) -> Basis | None:
+    """Lay a law over the trials' order; None where there are too few."""
+    unique = np.unique(orders)
+    if unique.size < 4:
+        return None
+    at = np.unique(np.round(np.linspace(0, unique.size - 1, _KNOTS)).astype(int))
+    knots = unique[at]
+    steps = np.diff(np.eye(knots.size), axis=0)
+    charged = steps.T @ (steps / np.diff(knots)[:, None]) * float(np.ptp(knots))
+    mean = _splines(knots, unique).mean(axis=0)
+    shape = _shape(charged, null_space(mean[None, :]))
+    one = np.ones(knots.size)
+    return _scaled(Basis(place, knots, shape, knots[0], knots[-1], one, mean, True))
+
+
+def relaxation_basis(longest_s: float) -> Basis:
+    """Lay a spectrum over relaxation times up to the longest of a trial."""
+    times = np.geomspace(_QUICKEST_S, max(longest_s, 4.0 * _QUICKEST_S), _TIMES)
+    none = np.zeros(_TIMES)
+    return Basis("relaxation", times, np.eye(_TIMES), times[0], times[-1], none, none)
+
+
+def without(basis: Basis, column: int) -> Basis:
+    """Leave one coefficient out."""
+    return replace(basis, shape=np.delete(basis.shape, column, axis=1))
+
+
+def _splines(knots: Floats, over: Floats) -> Floats:
+    """Natural splines of unit values at each knot, straight beyond, (n, k)."""
+    rows = np.eye(knots.size)
+    return np.column_stack([Law("moment", knots, row).at(over) for row in rows])
+
+
+def _curvature(knots: Floats) -> Floats:
+    """∫ f''² over the range, the range being 1, as a matrix over values at the knots."""
+    width = float(np.ptp(knots))
+    second = CubicSpline(knots / width, np.eye(knots.size), bc_type="natural")(knots / width, 2)
+    out = np.zeros((knots.size, knots.size))
+    for h, a, b in zip(np.diff(knots) / width, second[:-1], second[1:], strict=True):
+        out += h / 3.0 * (np.outer(a, a) + np.outer(b, b)) + h / 6.0 * (
+            np.outer(a, b) + np.outer(b, a)
+        )
+    return out
+
+
+def _slope(knots: Floats) -> Floats:
+    """Squared mean slope over the range, the range being 1."""
+    ends = np.zeros(knots.size)
+    ends[[0, -1]] = -1.0, 1.0
+    return np.outer(ends, ends)
+
+
+def _shape(charged: Floats, free: Floats) -> Floats:
+    """Give values at the knots for standard normal numbers under a quadratic charge."""
+    root = np.linalg.cholesky(free.T @ charged @ free)
+    return np.asarray(free @ solve_triangular(root, np.eye(free.shape[1]), lower=True).T)
+
+
+def _scaled(basis: Basis) -> Basis:
+    """Make the law 1 in size beforehand."""
+    at = basis.drawn_over()
+    size = float(np.sqrt(np.mean(np.sum(basis.curve(at) ** 2, axis=1))))
+    return replace(basis, shape=basis.shape / size)

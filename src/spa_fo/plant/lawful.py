@@ -1,0 +1,160 @@
+"""The simulator with a free-form law at one place of its chain.
+
+Beside no effect of the actuator a law that follows the motion is solved for step by step, however
+steep it resists. Beside others it is found by fixed point over a window of steps: the plant answers
+later than it is pushed, so that in a window that is short enough the rounds converge, as they do
+for Volterra's equations (Brunner 2017, doi:10.1017/9781316162491); one that does not is halved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.plant.chain import Chain, Memory
+from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.own import acting
+from spa_fo.plant.law import Law, Past
+from spa_fo.plant.law_kernel import DAMPING, MOMENT, RELAXATION, follow
+from spa_fo.plant.memory import STEPS_S
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_ROUNDS, _PATIENCE = 40, 5  # of the fixed point; turns that may not come nearer
+_SETTLED_DEG = 1e-6
+_SHORTEST = 8  # steps of a window
+_NONE = Law("input_map", np.array([0.0, 1.0]), np.zeros(2))
+_KINDS = {"moment": MOMENT, "damping": DAMPING, "relaxation": RELAXATION}
+
+
+@dataclass(frozen=True)
+class LawfulChain(Chain):
+    """A chain with a law beside its effects.
+
+    Attributes
+    ----------
+    law : Law
+        The law.
+    """
+
+    law: Law = _NONE
+
+    def pressure(self, effects: Floats, play: Floats) -> Floats:
+        """Give the true pressure on the cells, kPa: a law of the filling stands behind the pump."""
+        driven = super().pressure(effects, play)
+        return driven if self.is_pressure else self.law.driven(driven, self.grid.cell_starts)
+
+    def angles(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
+        """Simulate all trials; the true angle (deg) at the end of each step, the film untouched.
+
+        Raises
+        ------
+        ValueError
+            The law is so steep that no motion agrees with it.
+        """
+        memory = self.memory.copy()
+        load = self._load(effects, memory.play_kpa)
+        load = load + self._of_input(load * self.reference_kpa) / self.reference_kpa
+        if not self.law.follows_motion:
+            return self._moved(load, x, effects, memory)
+        if np.isnan(effects[LIBRARY.slots(lambda e: e.stage == "actuator")]).all():
+            return self._followed(load, x, memory)
+        angle, past = np.empty_like(load), None
+        windows = [slice(0, load.size)]
+        while windows:
+            window = windows.pop()
+            found = self._settled(load, x, effects, window, memory, past)
+            if found is None:
+                windows += self._halves(window, effects)
+            else:
+                angle[window], memory, past = found
+        return angle, memory
+
+    def _followed(self, load: Floats, x: Floats, memory: Memory) -> tuple[Floats, Memory]:
+        """Angle of the linear plant under the law, `memory` carried on in place."""
+        c, law = self.contour, self.law
+        over, values = (law.knots, law.values) if law.place == "relaxation" else law.table()
+        angle = follow(
+            load,
+            self.grid.level,
+            x,
+            c.nodes,
+            c.angles,
+            c.weights,
+            c.keep,
+            c.gain,
+            memory.modes,
+            _KINDS[law.place],
+            over,
+            values,
+            self.reference_kpa,
+        )
+        if not np.isfinite(angle).all():
+            raise self._too_steep()
+        memory.stops[-1] = np.radians(angle[-1])
+        return angle, replace(memory, ends_s=self.grid.ends_s)
+
+    def _settled(
+        self,
+        load: Floats,
+        x: Floats,
+        effects: Floats,
+        window: slice,
+        memory: Memory,
+        past: Past | None,
+    ) -> tuple[Floats, Memory, Past] | None:
+        """Solve a window of steps for angles that agree with the law; None where none is met."""
+        step_s = np.asarray(STEPS_S[self.grid.level[window]], dtype=np.float64)
+        added, angle, first = np.zeros(step_s.size), np.full(step_s.size, np.inf), np.inf
+        for turn in range(_ROUNDS):
+            pushed = load[window] + added / self.reference_kpa
+            again, after = self._moved(pushed, x, effects, memory.copy(), window)
+            change = float(np.max(np.abs(again - angle)))
+            if change < _SETTLED_DEG:
+                return again, after, self.law.of_motion(again, step_s, past)[1]
+            first = change if turn == 1 else first
+            if turn > _PATIENCE and not change < first:
+                break
+            angle, (added, _) = again, self.law.of_motion(again, step_s, past)
+        return None
+
+    def _halves(self, window: slice, effects: Floats) -> list[slice]:
+        """Split a window of steps, the first half last."""
+        # An effect of a campaign's own is shown all of it, or what it remembers is lost.
+        whole = any(acting(effects, "actuator"))
+        if whole or window.stop - window.start < 2 * _SHORTEST:
+            raise self._too_steep()
+        middle = (window.start + window.stop) // 2
+        return [slice(middle, window.stop), slice(window.start, middle)]
+
+    def _too_steep(self) -> ValueError:
+        return ValueError(f"the law at {self.law.place} is too steep: no motion agrees with it")
+
+    def logged(
+        self, reading: Floats, effects: Floats, step: Integers, share: Floats, trial: Integers
+    ) -> Floats:
+        """Take the reading at any samples; for the parameters see `Chain.logged`."""
+        y = super().logged(reading, effects, step, share, trial)
+        return y + self.law.of_reading(y, self.grid.orders[trial].astype(np.float64))
+
+    def _of_input(self, pressure_kpa: Floats) -> Floats:
+        """Give what the law adds to the pressure of each step, kPa; nothing in the rests."""
+        added = self.law.of_input(pressure_kpa, self._order)
+        return np.where(self.grid.cells > 0, added, 0.0)
+
+    @cached_property
+    def _order(self) -> Floats:
+        """Each step's trial's place in the campaign; a rest before the first trial is its own."""
+        ends = self.grid.step_starts[1:]
+        trial = np.searchsorted(ends, np.arange(self.grid.level.size), side="right")
+        return np.asarray(self.grid.orders[trial], dtype=np.float64)
+
+
+def with_law(chain: Chain, law: Law) -> LawfulChain:
+    """Put a law beside a chain's effects, in the place of any that it has."""
+    kept = {each.name: getattr(chain, each.name) for each in fields(Chain)}
+    return LawfulChain(**kept, law=law)

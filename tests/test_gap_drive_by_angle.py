@@ -1,0 +1,101 @@
+"""A drive that lags and a pressure sensor that does: alike in the pressure, not in the angle."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
+from spa_fo import simulate
+from spa_fo.gap.bench import bench_for
+from spa_fo.gap.drive import Drive, examine_drive
+from spa_fo.gap.drive_by_angle import joined
+from spa_fo.gap.evidence import Evidence, collect
+from spa_fo.gap.explanations import explain
+from spa_fo.gap.pressure import lagged
+from spa_fo.plant.effects.library import IDS
+from spa_fo.plant.memory import FINEST_STEP_S
+
+LAG_S = 0.06
+OTHERS = tuple(name for name in IDS if name not in ("line_lag", "creep"))
+
+
+def behind(t_s, values, lag_s):
+    """Follow values that hold until the next time, by a plain loop."""
+    seen = np.zeros_like(values)
+    for i in range(1, values.size):
+        decay = np.exp(-(t_s[i] - t_s[i - 1]) / lag_s)
+        seen[i] = values[i - 1] + (seen[i - 1] - values[i - 1]) * decay
+    return seen
+
+
+def campaign(drive_lags: bool) -> Evidence:
+    """Trials whose pressure reads late: as the drive was late, or as the sensor is."""
+    rng = np.random.default_rng(5)
+    own = []
+    for trial in trials(*[step_release(SIXTY) for _ in range(4)]):
+        late = behind(trial.t_s, trial.command_kpa, LAG_S)
+        true = late if drive_lags else trial.command_kpa
+        hold = "linear" if drive_lags else "zero"
+        angle = np.degrees(simulate(trial.t_s, true / KPA, *X, hold=hold))
+        own.append(
+            replace(
+                trial,
+                pressure_kpa=late + 0.1 * rng.normal(size=late.size),
+                angle_deg=angle + 0.05 * rng.normal(size=late.size),
+            )
+        )
+    return collect(campaign_data(own))
+
+
+def told_apart(evidence: Evidence) -> tuple[Drive, Drive]:
+    alone = examine_drive(evidence, OTHERS, X)
+    bench = bench_for(evidence, X, own=False, pressure_kpa=alone.pressure_kpa)
+    return alone, joined(alone, explain(bench, OTHERS))
+
+
+@pytest.mark.parametrize("drive_lags", [False, True])
+def test_the_angle_says_whether_the_drive_was_late(drive_lags):
+    alone, known = told_apart(campaign(drive_lags))
+    lead = [
+        f.fits[("line_lag",)].evidence.max() - f.fits[()].evidence.max() for f in (alone, known)
+    ]
+    assert abs(lead[0]) < 12.0  # the pressure hardly says
+    if drive_lags:
+        assert lead[1] > lead[0] + 10.0
+        assert known.best.ids == ("line_lag",)
+        assert known.gap_deg > 0.3
+    else:
+        assert lead[1] < lead[0] - 10.0
+        assert known.best.ids == ()
+        assert known.best.z[-1] == pytest.approx(LAG_S, abs=0.01)
+        assert known.gap_deg < 0.05
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.floats(0.0, 200.0), min_size=3, max_size=40),
+    st.floats(0.002, 2.0),
+    st.integers(1, 2),
+)
+def test_a_lag_is_that_of_small_steps(levels, lag_s, parts):
+    cells = np.array(levels)
+    starts = np.array([0, cells.size]) if parts == 1 else np.array([0, 2, cells.size])
+    fine = 400
+    expected = []
+    for first, end in pairwise(starts):
+        seen = cells[first]
+        decay = np.exp(-FINEST_STEP_S / fine / lag_s)
+        for level in cells[first:end]:
+            path = level + (seen - level) * decay ** np.arange(fine + 1)
+            expected.append(np.mean((path[:-1] + path[1:]) / 2.0))
+            seen = path[-1]
+    np.testing.assert_allclose(lagged(cells, starts, lag_s), expected, rtol=1e-4, atol=1e-3)
+
+
+def test_a_sensor_without_lag_shows_the_pressure():
+    cells = np.array([0.0, 5.0, 5.0])
+    np.testing.assert_array_equal(lagged(cells, np.array([0, 3]), 0.0), cells)
