@@ -1,4 +1,4 @@
-"""What every effect keeps, the library's and one's own."""
+"""What every effect keeps: the library's, and one's own at every stage."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from spa_fo.plant.effects.contract import broken
 from spa_fo.plant.effects.effect import Effect, amplitude, shape
 from spa_fo.plant.effects.library import IDS, LIBRARY
 
-SHARE = amplitude("share", "1", spread=0.1, high=0.5, start=0.05)
+SHARE = amplitude("share", "1", "part of it that is lost", spread=0.1, high=0.5, start=0.05)
 
 
 def lossy(pressure_kpa, time_s, share):
@@ -27,27 +27,40 @@ def late(angle_deg, time_s, share):
     return np.interp(time_s - share, time_s, angle_deg)
 
 
-def late_log(reading_deg, time_s, share):
-    return np.interp(time_s - share, time_s, reading_deg)
+def own(name, stage, act):
+    return Effect(name, stage, (SHARE,), means="some is lost", remedy="bring it back", act=act)
 
 
-OWN = {
-    "drive": Effect("lossy", "drive", (SHARE,), act=lossy),
-    "actuator": Effect("softer", "actuator", (SHARE,), act=softer),
-    "sensor": Effect("late", "sensor", (SHARE,), act=late),
-    "acquisition": Effect("late_log", "acquisition", (SHARE,), act=late_log),
-}
+OWN = [
+    own("lossy", "drive", lossy),
+    own("softer", "actuator", softer),
+    own("late", "sensor", late),
+    own("late_log", "acquisition", late),
+]
 
 
-@pytest.mark.parametrize("name", IDS)
-def test_an_effect_of_the_library_keeps_the_contract(name: str) -> None:
-    assert broken(LIBRARY[name]) == ()
-
-
-@pytest.mark.parametrize("stage", OWN)
-def test_an_effect_of_ones_own_keeps_it_at_every_stage(stage: str) -> None:
-    assert broken(OWN[stage]) == ()
+@pytest.mark.parametrize("effect", [*LIBRARY.values(), *OWN], ids=lambda effect: effect.id)
+def test_an_effect_keeps_the_contract(effect: Effect) -> None:
+    assert broken(effect) == ()
     assert tuple(LIBRARY) == IDS
+
+
+def with_a_corner(pressure_kpa, time_s, share):
+    return pressure_kpa * (1.0 - 20.0 * max(share - 0.05, 0.0) - 0.5 * share)
+
+
+def by_step(pressure_kpa, time_s, share):
+    return pressure_kpa * (1.0 - share * pressure_kpa.size / 800.0)
+
+
+def with_a_past():
+    calls = []
+
+    def act(pressure_kpa, time_s, share):
+        calls.append(share)
+        return pressure_kpa * (1.0 - share * len(calls))
+
+    return act
 
 
 @pytest.mark.parametrize(
@@ -55,29 +68,41 @@ def test_an_effect_of_ones_own_keeps_it_at_every_stage(stage: str) -> None:
     [
         (lambda pressure, time, share: pressure, "moves the log"),
         (lambda pressure, time, share: pressure * 0.8 - share, "not neutral"),
-        (lambda pressure, time, share: pressure * (1.0 - 20.0 * max(share - 0.05, 0.0) - 0.5 * share), "slope"),
-        (lambda pressure, time, share: pressure * (1.0 - share * pressure.size / 800.0), "halving"),
+        (with_a_corner, "slope"),
+        (by_step, "halving"),
+        (with_a_past(), "asked again"),
     ],
 )
 def test_what_breaks_the_contract_is_said(act, word: str) -> None:
-    found = broken(replace(OWN["drive"], act=act))
+    found = broken(replace(OWN[0], act=act))
     assert [line for line in found if word in line]
+
+
+def test_words_that_lack_and_numbers_out_of_bounds_are_said() -> None:
+    bare = Effect("lossy", "drive", (replace(SHARE, means=""),), act=lossy)
+    assert broken(replace(bare, neutral={"share": 3.0})) == (
+        "means: expected words of its own",
+        "remedy: expected words of its own",
+        "share: expected words on what it is",
+        "share: expected numbers within its bounds",
+        "it is not neutral: 2e+02 of 3.3 deg are left",
+    )
+    found = broken(replace(OWN[0], neutral={"shre": 0.0}))
+    assert found == ("neutral: 'shre' is none of its parameters",)
 
 
 def test_what_the_chain_cannot_run_is_refused() -> None:
     with pytest.raises(BadInput, match="act: expected a function of"):
-        broken(replace(OWN["drive"], act=lambda pressure: pressure))
-    with pytest.raises(BadInput, match="parameters.0.: expected starts"):
-        wrong = replace(SHARE, starts=(2.0,))
-        broken(replace(OWN["drive"], parameters=(wrong,)))
+        broken(replace(OWN[0], act=lambda pressure: pressure))
 
 
 def test_a_neutral_shape_is_named() -> None:
-    ceiling = shape("ceiling_deg", "deg", centre=40.0, factor=1.3, low=5.0, high=200.0)
+    words = "largest angle that it reads"
+    ceiling = shape("ceiling_deg", "deg", words, centre=40.0, factor=1.3, low=5.0, high=200.0)
 
     def clipped(angle_deg, time_s, ceiling_deg):
         return np.minimum(angle_deg, ceiling_deg)
 
-    stiff = Effect("clipped", "sensor", (ceiling,), act=clipped)
+    stiff = replace(OWN[2], parameters=(ceiling,), act=clipped)
     assert any("neutral" in line for line in broken(stiff))
     assert broken(replace(stiff, neutral={"ceiling_deg": 200.0})) == ()

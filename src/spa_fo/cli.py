@@ -367,10 +367,12 @@ def _plan(options: argparse.Namespace) -> None:
     from spa_fo.api.plan import plan_next
     from spa_fo.gap.profiles import BANNER
     from spa_fo.gap.rivals import read_standing
+    from spa_fo.plant.effects.own import use_effects_of
 
     spare_inputs(options, options.diagnosis)
     replaced = places.replaced_file(options.out, BANNER, "a planned profile", options.overwrite)
     campaign = loaded_campaign(options.campaign)
+    use_effects_of(options.campaign)
     standing = read_standing(options.diagnosis, campaign.name)
     plan = plan_next(campaign, standing, options.max_duration, options.max_pressure)
     plan.save(options.out)

@@ -51,34 +51,14 @@ class Campaign:
     data: CampaignData
 
     @classmethod
-    def at_hand(cls, campaign: Campaign | Path | str) -> Campaign:
-        """Return a campaign, read where a folder is given, with its own effects in the library.
-
-        Raises
-        ------
-        BadInput
-            See `load`.
-        """
-        from spa_fo.plant.effects.own import use_effects_of
-
-        if not isinstance(campaign, Campaign):
-            return cls.load(campaign)
-        use_effects_of(campaign.data.campaign.folder)
-        return campaign
-
-    @classmethod
     def load(cls, folder: Path | str) -> Campaign:
         """Read a campaign folder: check its bytes, parse every log, calibrate every angle.
 
         Raises
         ------
         BadInput
-            Something is wrong with campaign.yaml, a log or an effect of its own; the text names
-            file and line.
+            Something is wrong with campaign.yaml or a log; the text names file and line.
         """
-        from spa_fo.plant.effects.own import use_effects_of
-
-        use_effects_of(folder)
         return cls(read_trials(read_campaign(folder)))
 
     @property

@@ -350,9 +350,11 @@ class Chain:
         walk, zero = effects[_SLIP]
         if not math.isnan(walk):
             y = y + slipped(grid.orders, walk, zero)[trial]
-        starts_s = np.array([one.started_s for one in grid.trials])
-        time_s = grid.middle_s[step] + (share - 0.5) * STEPS_S[grid.level[step]] - starts_s[trial]
-        return logged_angle(np.asarray(y), time_s, trial, effects)
+        if any(acting(effects, "acquisition")):
+            starts_s = np.array([one.started_s for one in grid.trials])
+            at_s = grid.middle_s[step] + (share - 0.5) * STEPS_S[grid.level[step]]
+            y = logged_angle(y, at_s - starts_s[trial], trial, effects)
+        return np.asarray(y)
 
 
 def log_delays(effects: Floats) -> Floats | None:

@@ -31,10 +31,11 @@ _SLOWED = {"s": 1, "1/s": -1, "1/h": -1, "Hz": -1, "kPa/s": -1, "deg/s": -1}
 def broken(effect: Effect) -> tuple[str, ...]:
     """Say what an effect breaks of the contract.
 
-    Zero is neutral: with amplitudes of zero, or `Effect.neutral`, nothing changes. Its slope is
-    one: what a small change of a parameter makes of the log is the same to either side. Halving
-    the step converges. An effect whose port is a spectral line or the coefficients is not
-    simulated, and keeps all of this.
+    It says in words what it is. Its numbers lie within their bounds. It moves the log where it is
+    present, by finite numbers, and by the same when it is asked again; with amplitudes of zero, or
+    `Effect.neutral`, it moves nothing. What a small change of a parameter makes of the log is the
+    same to either side. Halving the step converges. A spectral line and other coefficients are
+    not simulated: of them only words and bounds are asked.
 
     Parameters
     ----------
@@ -51,22 +52,46 @@ def broken(effect: Effect) -> tuple[str, ...]:
     BadInput
         An effect of one's own is not one that the chain can run.
     """
+    said = tuple(_unsaid(effect))
     if effect.port in ("line", "coefficients"):
-        return ()
+        return said
     held = LIBRARY.acting
     if effect.act is not None:
         LIBRARY.hold((checked(effect, effect.source),))
     try:
-        return tuple(_broken(LIBRARY[effect.id]))
+        return (*said, *_broken(LIBRARY[effect.id]))
     finally:
         LIBRARY.hold(held)
+
+
+def _unsaid(effect: Effect) -> Iterator[str]:
+    """Say which words lack, and which numbers lie outside of their bounds."""
+    bare = Effect(effect.id, effect.stage)
+    for key in ("means", "remedy"):
+        if getattr(effect, key) in ("", getattr(bare, key)):
+            yield f"{key}: expected words of its own"
+    for parameter in effect.parameters:
+        if not parameter.means:
+            yield f"{parameter.name}: expected words on what it is"
+        neutral = effect.neutral.get(parameter.name, parameter.starts[0])
+        if not all(parameter.low <= v <= parameter.high for v in (*parameter.starts, neutral)):
+            yield f"{parameter.name}: expected numbers within its bounds"
+    for name in effect.neutral:
+        if name not in {parameter.name for parameter in effect.parameters}:
+            yield f"neutral: '{name}' is none of its parameters"
 
 
 def _broken(effect: Effect) -> Iterator[str]:
     finest = _chain(0)
     bare, values = _logged(finest, absent()), _example(effect)
-    change = _logged(finest, _vector(effect, values)) - bare
+    first, again = (_logged(finest, _vector(effect, values)) for _ in range(2))
+    change = first - bare
     size = float(np.abs(change).max())
+    if not np.isfinite(size):
+        yield "what it makes of the log is not finite"
+        return
+    if not np.array_equal(first, again):
+        yield "asked again it gives something else"
     if size < _SEEN_DEG:
         yield f"it moves the log by {size:.2g} deg where it should show"
         return
@@ -105,7 +130,7 @@ def _vector(effect: Effect, values: Floats) -> Floats:
 
 
 def _slope(effect: Effect, values: Floats, place: int, side: float) -> Floats:
-    """What the log changes by, for a change of a parameter by as much as is plausible."""
+    """Give what the log changes by, for a change of a parameter by as much as is plausible."""
     moved = values.copy()
     moved[place] = _moved(effect.parameters[place], values[place], side * _SLOPE)
     here, there = (_logged(_chain(0), _vector(effect, each)) for each in (values, moved))
@@ -128,7 +153,7 @@ def _command(slowed: int = 1) -> Floats:
 
 @cache
 def _chain(level: int) -> Chain:
-    """A trial in steps of one length."""
+    """Lay a trial in steps of one length."""
     cells = _command()
     none = np.zeros(cells.size, dtype=bool)
     trial = Trial(
@@ -138,7 +163,7 @@ def _chain(level: int) -> Chain:
         setpoint_deg=None,
         order=2,
         started_s=_STARTED_S,
-        t_s=FINEST_STEP_S * np.arange(cells.size),
+        t_s=FINEST_STEP_S * np.arange(cells.size, dtype=np.float64),
         command_kpa=cells,
         pressure_kpa=None,
         flex_adc=None,
@@ -163,7 +188,7 @@ def _chain(level: int) -> Chain:
 
 
 def _logged(chain: Chain, effects: Floats) -> Floats:
-    """What the log holds at the ends of the longest steps, deg."""
+    """Give what the log holds at the ends of the longest steps, deg."""
     coarse = 2**_COARSEST * FINEST_STEP_S
     time = coarse * np.arange(1, _command().size // 2**_COARSEST)
     reading, _ = chain.readings(_X, effects)
@@ -197,9 +222,7 @@ def _pressure(effect: Effect, values: Floats, slowed: int) -> Floats:
         powers = [_SLOWED.get(p.unit, 0) for p in effect.parameters]
         slow = values * np.power(float(slowed), powers)
         chain = _chain(0)
-        grid = replace(
-            chain.grid, command_kpa=command, cell_starts=np.array([0, command.size])
-        )
+        grid = replace(chain.grid, command_kpa=command, cell_starts=np.array([0, command.size]))
         driven = replace(chain, grid=grid, input_kpa=command)
         found = driven.pressure(_vector(effect, slow), np.zeros(2))
     return np.asarray(found.reshape(-1, slowed).mean(axis=1))

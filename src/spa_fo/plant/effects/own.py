@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
@@ -86,7 +85,8 @@ def read_effect(path: Path | str) -> Effect:
     module = ModuleType(path.stem)
     try:
         # Not imported: that would write its bytecode beside raw data.
-        exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), module.__dict__)
+        code = compile(path.read_text(encoding="utf-8"), str(path), "exec", dont_inherit=True)
+        exec(code, module.__dict__)
     except Exception as error:
         raise BadInput(path, f"cannot be run: {_words(error)}", _line_of(error, path)) from error
     if not hasattr(module, _NAME):
@@ -107,7 +107,7 @@ def _installed() -> tuple[Effect, ...]:
     return tuple(found)
 
 
-def checked(effect: Any, source: Path | str) -> Effect:
+def checked(effect: object, source: Path | str) -> Effect:
     """Return an effect that the chain can run, with its source in it.
 
     Raises
@@ -115,13 +115,14 @@ def checked(effect: Any, source: Path | str) -> Effect:
     BadInput
         It is none; the text names the key.
     """
+    if not isinstance(effect, Effect):
+        kind = type(effect).__name__
+        raise BadInput(source, f"is of type {kind}; expected an Effect", _NAME)
 
     def refuse_unless(holds: bool, key: str, expected: str) -> None:
         if not holds:
             raise BadInput(source, expected, key)
 
-    kind = type(effect).__name__
-    refuse_unless(isinstance(effect, Effect), _NAME, f"is of type {kind}; expected an Effect")
     name = effect.id
     refuse_unless(
         isinstance(name, str) and name.isidentifier() and name == name.lower(),
@@ -139,17 +140,31 @@ def checked(effect: Any, source: Path | str) -> Effect:
     refuse_unless(
         effect.port == "chain", "port", f"is '{effect.port}'; expected 'chain', the default"
     )
-    refuse_unless(len(effect.parameters) > 0, "parameters", "expected one at least")
+    listed = isinstance(effect.parameters, tuple) and len(effect.parameters) > 0
+    refuse_unless(listed, "parameters", "expected a tuple of one Parameter at least")
     for place, parameter in enumerate(effect.parameters):
         wrong = _wrong_of(parameter)
         refuse_unless(not wrong, f"parameters[{place}]", wrong)
-    refuse_unless(callable(effect.act), "act", "expected a function")
-    wanted = (*_SERIES[effect.stage], *(p.name for p in effect.parameters))
-    try:
-        inspect.signature(effect.act).bind(*wanted)
-    except TypeError:
-        refuse_unless(False, "act", f"expected a function of ({', '.join(wanted)})")
+    names = [parameter.name for parameter in effect.parameters]
+    refuse_unless(
+        len(set(names)) == len(names), "parameters", "expected a name of its own for each"
+    )
+    wanted = (*_SERIES[effect.stage], *names)
+    refuse_unless(
+        callable(effect.act) and _takes(effect.act, len(wanted)),
+        "act",
+        f"expected a function of ({', '.join(wanted)})",
+    )
     return replace(effect, source=source)
+
+
+def _takes(function: Callable[..., Any], count: int) -> bool:
+    """Whether a function takes so many arguments by position."""
+    try:
+        inspect.signature(function).bind(*range(count))
+    except TypeError:
+        return False
+    return True
 
 
 def _wrong_of(parameter: Any) -> str:
@@ -161,7 +176,7 @@ def _wrong_of(parameter: Any) -> str:
     if not all(math.isfinite(number) for number in numbers):
         return "expected finite numbers"
     if not (low < high and parameter.spread > 0.0):
-        return f"is {low:g} to {high:g}, spread {parameter.spread:g}; expected low < high, spread > 0"
+        return f"is {low:g} to {high:g} by {parameter.spread:g}; expected low < high, spread > 0"
     if parameter.log and not (low > 0.0 and parameter.centre > 0.0):
         return "is searched by its logarithm; expected positive bounds and centre"
     if not parameter.starts or not all(low <= start <= high for start in parameter.starts):
@@ -203,12 +218,18 @@ def acted(effect: Effect, values: Floats, *series: Floats) -> Floats:
     act: Callable[..., Any] | None = effect.act
     assert act is not None
     try:
-        found = np.asarray(act(*(one.copy() for one in series), *values.tolist()), dtype=float)
+        with np.errstate(all="ignore"):  # what is not finite is refused below
+            found = np.asarray(act(*(one.copy() for one in series), *values.tolist()), dtype=float)
     except Exception as error:
         where = _line_of(error, effect.source) or "act"
         raise BadInput(effect.source, f"fails: {_words(error)}", where) from error
-    if found.shape != series[0].shape or not np.isfinite(found).all():
-        given = f"{found.shape}" if found.shape != series[0].shape else "numbers not all finite"
-        expected = f"returned {given}; expected {series[0].size} finite numbers"
-        raise BadInput(effect.source, expected, "act")
+    size = series[0].size
+    if found.shape != series[0].shape:
+        given = " x ".join(map(str, found.shape)) or "one number"
+        raise BadInput(effect.source, f"returned {given}; expected {size} numbers", "act")
+    if not np.isfinite(found).all():
+        given = ", ".join(
+            f"{p.name} {value:.6g}" for p, value in zip(effect.parameters, values, strict=True)
+        )
+        raise BadInput(effect.source, f"is not finite at {given}; expected finite numbers", "act")
     return found
