@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, Memory
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.own import acting
@@ -112,7 +113,12 @@ class LawfulChain(Chain):
         added, angle, first = np.zeros(step_s.size), np.full(step_s.size, np.inf), np.inf
         for turn in range(_ROUNDS):
             pushed = load[window] + added / self.reference_kpa
-            again, after = self._moved(pushed, x, effects, memory.copy(), window)
+            try:
+                again, after = self._moved(pushed, x, effects, memory.copy(), window)
+            except BadInput:  # the law pushes an effect of a campaign's own too far
+                if turn == 0:
+                    raise
+                break
             change = float(np.max(np.abs(again - angle)))
             if change < _SETTLED_DEG:
                 return again, after, self.law.of_motion(again, step_s, past)[1]

@@ -18,6 +18,7 @@ Integers = NDArray[np.int64]
 
 _RESTED = 8  # readings at rest that a short series begins with
 _KEPT, _MOST, _SETTLED = 5, 60, 1e-8  # of a search for the load that fits the angle that it makes
+_FAR = 30.0  # times the largest pressure: no load is searched beyond
 
 
 def true_pressure(command: Floats, starts: Integers, effects: Floats, play: Floats) -> Floats:
@@ -85,17 +86,25 @@ def moving_pressure(
 
 
 def _fixed_point(function: Callable[[Floats], Floats], start: Floats) -> Floats:
-    """Find what a function leaves as it is (Walker and Ni 2011, doi:10.1137/10078356X)."""
-    x, enough = start, _SETTLED * float(np.abs(start).max(initial=1e-9))
+    """Find what a function leaves as it is (Walker and Ni 2011, doi:10.1137/10078356X).
+
+    What comes nearest to it where none is found: a search may try an effect that is too steep.
+    """
+    x, size = start, float(np.abs(start).max(initial=1e-9))
     points: list[Floats] = []
     changes: list[Floats] = []
+    best, least = start, np.inf
     for _ in range(_MOST):
         points, changes = [*points[-_KEPT:], x], [*changes[-_KEPT:], function(x) - x]
-        if float(np.abs(changes[-1]).max(initial=0.0)) <= enough:
+        left = float(np.abs(changes[-1]).max(initial=0.0))
+        if left < least:
+            best, least = x, left
+        if left <= _SETTLED * size:
             break
         x = points[-1] + changes[-1]
         if len(points) > 1:
             d = np.diff(np.array(changes), axis=0).T
             share, *_ = np.linalg.lstsq(d, changes[-1], rcond=1e-10)
             x = x - (np.diff(np.array(points), axis=0).T + d) @ share
-    return x
+        x = np.clip(x, -_FAR * size, _FAR * size)
+    return best

@@ -185,7 +185,8 @@ def _wrong_of(parameter: Any) -> str:
 
 
 def _words(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}"
+    said = error.msg if isinstance(error, SyntaxError) else error
+    return f"{type(error).__name__}: {said}"
 
 
 def _line_of(error: Exception, path: Path | str) -> str:
