@@ -115,6 +115,7 @@ def test_nothing_is_written_beside_the_logs(folder: Path) -> None:
         ("start=0.05", "start=0.7", "parameters[0]: expected starts from 0 to 0.5"),
         ("high=0.5", "high=float('nan')", "parameters[0]: expected finite numbers"),
         ("time_s, fraction", "fraction", "expected a function of (pressure_kpa, time_s, fraction)"),
+        ("act=act", "act=act, check='look'", "check: expected a Check, also of equivalents"),
         ("    act=act,\n", "", "act: expected a function of (pressure_kpa, time_s, fraction)"),
     ],
 )

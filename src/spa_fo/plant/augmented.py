@@ -99,7 +99,7 @@ def is_augmented(model: Model, source: Source = "model") -> bool:
         See `effects_vector`.
     """
     vector = effects_vector(model, source)
-    vector[LIBRARY["mains_pickup"].slots] = np.nan
+    vector[LIBRARY.slots(lambda effect: effect.port == "line")] = np.nan
     return law_in(model, source) is not None or not bool(np.isnan(vector).all())
 
 

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from spa_fo.errors import BadInput
-from spa_fo.plant.effects.effect import STAGES, Effect, Floats, Parameter, Stage
+from spa_fo.plant.effects.effect import STAGES, Check, Effect, Floats, Parameter, Stage
 from spa_fo.plant.effects.library import IDS, LIBRARY
 
 FOLDER = "effects"
@@ -154,6 +154,12 @@ def checked(effect: object, source: Path | str) -> Effect:
         callable(effect.act) and _takes(effect.act, len(wanted)),
         "act",
         f"expected a function of ({', '.join(wanted)})",
+    )
+    checks = [*effect.equivalents.values(), *([effect.check] if effect.check else [])]
+    refuse_unless(
+        all(isinstance(check, Check) for check in checks),
+        "check",
+        "expected a Check, also of equivalents",
     )
     return replace(effect, source=source)
 
