@@ -290,7 +290,7 @@ def _add_diagnose(commands: Commands) -> None:
         "say whether, where and why model and actuator disagree, and how far that can be repaired",
         "spa-fo diagnose raw/dragon_skin_20 --model model.json --out diagnosis\n\n"
         "Start with DIR/diagnosis.md. DIR/augmented_model.json is the model with the explanation\n"
-        "in it; `predict` takes it. An answer of `unknown` is a result: the command leaves with 0.\n"
+        "in it; `predict` takes it. An answer of `unknown` is a result: the command ends with 0.\n"
         "Effects of your own, effects/*.py in the campaign's folder, are run and weighed as well.",
     )
     add_campaign(parser)
