@@ -138,7 +138,7 @@ def learn(signals: Sequence[Signal]) -> FadingMemoryLaw:
         np.arange(y.size), chosen, _left_out(x[chosen], y[chosen], group[chosen], length, noise)
     )
     at = x[chosen]
-    factor = np.linalg.cholesky(kernel(at, at, length) + noise * np.eye(chosen.size))
+    factor = np.asarray(np.linalg.cholesky(kernel(at, at, length) + noise * np.eye(chosen.size)))
     weights = cho_solve((factor, True), y[chosen])
     amplitude = float(np.sqrt(np.mean(y**2)))
     ends = np.cumsum([s.t_s.size for s in signals])[:-1]

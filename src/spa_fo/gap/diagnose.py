@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.gap.bench import bench_for
 from spa_fo.gap.bench_noise import Beyond
-from spa_fo.gap.claim import Claim, claim, closes, exact
-from spa_fo.gap.decide import Verdict, decide, judge, stage_shares
+from spa_fo.gap.claim import Claim, claim, exact
+from spa_fo.gap.decide import Verdict, decide, stage_shares
 from spa_fo.gap.diagnosis import (
     Cause,
     Diagnosis,
@@ -30,6 +30,7 @@ from spa_fo.gap.explanations import Explanations, explain
 from spa_fo.gap.final import model_of, on_all_trials
 from spa_fo.gap.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.floor import noise_floor
+from spa_fo.gap.held_to import beyond_expected, held_to
 from spa_fo.gap.hold_out import HeldOut, hold_out, rmse
 from spa_fo.gap.interference import NONE, fast_line
 from spa_fo.gap.intervals import with_intervals
@@ -38,16 +39,14 @@ from spa_fo.gap.missing import NOTHING, Missing, find_missing, law_finding
 from spa_fo.gap.next_steps import in_words, next_steps
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
-from spa_fo.plant.effects.library import IDS, LIBRARY, STAGES, absent, at_port
+from spa_fo.plant.effects.effect import STAGES
+from spa_fo.plant.effects.library import COMMONEST, LIBRARY, absent, at_port
+from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
-
-COMMONEST = "hysteresis"
-"""What one hears most often about soft actuators: a baseline that always answers so."""
-_CLEARLY = 3.0  # times what a reference misses, too: something has changed
 _IDENTIFIED = "sampling"  # a key that an identification writes to its model
 _NOT_KNOWN = (
     "neither the pressure nor a calibration was logged: what is not explained may be anyone's"
@@ -103,6 +102,7 @@ def diagnose_files(
         Something is wrong with the campaign, the model, or an effect's name.
     """
     plain = read_model(model_path)
+    use_effects_of(folder)
     check_request(plain, exclude, model_path)
     data = read_trials(read_campaign(folder))
     return diagnose(data, plain, excluded=exclude, seed=seed, progress=progress)
@@ -123,7 +123,7 @@ def check_request(plain: Model, exclude: Sequence[str], source: Path | str = "mo
         raise BadInput(source, "expected a positive number", "transfer_function.b0")
     for name in exclude:
         if name not in LIBRARY:
-            raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, IDS)}")
+            raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, LIBRARY)}")
 
 
 def write_files(diagnosis: Diagnosis, out: Path | str) -> None:
@@ -165,6 +165,7 @@ def diagnose(
     beyond : Beyond, optional
         What is to be expected beside the bench's own noise.
     """
+    use_effects_of(data.campaign.folder)
     rng = np.random.default_rng(seed)
     examined = examine(data, plain, excluded, rng, progress, beyond)
     everything, held, floor = examined.everything, examined.held, examined.floor_deg
@@ -179,10 +180,10 @@ def diagnose(
         floor,
         rng,
     )
-    closing = SETTINGS.closes if beyond is None else SETTINGS.worth
-    verdict = _held_to(examined.verdict, claimed, closing)
+    least = SETTINGS.closes if beyond is None else SETTINGS.worth
+    verdict = held_to(examined.verdict, claimed, least)
     if beyond is not None:
-        verdict = _beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
+        verdict = beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(
             examined.found, examined.drive, everything, held, verdict, examined.given, floor, rng
@@ -294,7 +295,7 @@ def examine(
     everything = collect(data)
     excluded = tuple(excluded)
     if everything.grid.command_kpa is None:
-        drives = [n for n in IDS if LIBRARY[n].stage == "drive" and n not in excluded]
+        drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
     held = hold_out(everything, rng)
     evidence = replace(everything, takes_part=~held.trials)
@@ -302,9 +303,11 @@ def examine(
     progress(f"explaining {evidence.takes_part.sum()} trials")
     drive = None
     if evidence.has_pressure:
-        drive = examine_drive(evidence, excluded, given, beyond and beyond.pressure)
+        drive = examine_drive(
+            evidence, excluded, given, None if beyond is None else beyond.pressure
+        )
     own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
-    bench = bench_for(evidence, given, own, drive and drive.pressure_kpa, beyond)
+    bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa, beyond)
     floor = noise_floor(everything)
     if not bench.noise.spectrum.repeats:
         floor = bench.noise.floor_deg(everything.grid.angle_deg)
@@ -331,41 +334,6 @@ def _driven_by_pressure(data: CampaignData) -> CampaignData:
         raise BadInput(data.campaign.folder, "expected a pressure column: it drives the model")
     trials = tuple(replace(trial, command_kpa=None) for trial in data.trials)
     return replace(data, trials=trials)
-
-
-def _held_to(verdict: Verdict, claimed: Claim, closing: float) -> Verdict:
-    """Take sets that close nothing on the held-out trials out of the answer.
-
-    What they were probable by goes to an unknown cause.
-    """
-    if not verdict.sets:
-        return verdict
-    useless = {named for named in claimed.closed if not closes(claimed, named, closing)}
-    lost = sum(s.probability for s in verdict.scored if s.named in useless)
-    scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
-    scored.sort(key=lambda s: -s.probability)
-    again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
-    unknown = "unknown" in (verdict.kind, again.kind)
-    least = SETTINGS.worth if unknown else closing
-    sets = tuple(n for n in again.sets if n in verdict.sets and closes(claimed, n, least))
-    if unknown or not sets:
-        return replace(again, kind="unknown", sets=sets)
-    return replace(again, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
-
-
-def _beyond_expected(verdict: Verdict, size: float) -> Verdict:
-    """Hold an answer against the size of the gap, over that of what a reference misses, too."""
-    if size <= 1.0:
-        if any(LIBRARY[name].stage == "drive" for named in verdict.sets for name in named):
-            return verdict  # which the pressure shows
-        scored = [replace(s, probability=0.0 if s.named else 1.0) for s in verdict.scored]
-        scored.sort(key=lambda s: -s.probability)
-        return judge(scored, 0.0, verdict.unknown_drive)
-    if verdict.kind == "no_gap" and size > _CLEARLY:
-        # No noise of the reference is as large.
-        scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
-        return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
-    return verdict
 
 
 def _on_all_trials(examined: Examined, verdict: Verdict, progress: Progress) -> Explanation:
@@ -467,7 +435,7 @@ def _causes(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cause
         causes.append(Cause(("none",), 0.0, {}, x, held_out_rmse_deg=claimed.errors[()]))
     causes += [
         Cause((name,), 0.0, {}, {})
-        for name in IDS
+        for name in LIBRARY
         if (name,) not in known and name not in examined.excluded
     ]
     causes.append(Cause(("unknown",), verdict.unknown, {}, {}))

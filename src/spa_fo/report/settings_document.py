@@ -28,7 +28,7 @@ stand in one place, `src/spa_fo/gap/settings.py`, and this page is written from 
 - **assumed**: set by hand. A debt: nothing shows yet that another value would not do as well.
 
 What is plausible of each effect's parameters stands apart, in
-`src/spa_fo/plant/effects/library.py`; how finely things are computed stands beside the code that
+`src/spa_fo/plant/effects/`; how finely things are computed stands beside the code that
 does it.
 
 How many verdicts move when a number is halved or doubled is what {sweep} says.
