@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +20,16 @@ from spa_fo.gap.bench_noise import TYPICAL, Beyond
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.gap.noise import Differences, Scatter, Spectrum, estimate, scatter
-from spa_fo.identify import predict_trial
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
+from spa_fo.plant.augmented import predict_augmented
 from spa_fo.rig import CampaignData, Trial
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
+SCHEMA = "spa-fo/comparison/1"
+NOTHING_CHANGED = "nothing_changed"
 _ROWS = 100  # of a trial, that the noise is estimated from
 _WHITE = 1e-3  # deg or kPa: what is averaged holds next to no white noise
 
@@ -50,6 +53,8 @@ class Comparison:
         command by, kPa; the latter None where either was not logged.
     common_deg : tuple of arrays
         By trial of the second campaign: what is missed in both.
+    model : Model
+        Of the reference with the change in it; the plain one where nothing is named.
     """
 
     reference: CampaignData
@@ -58,6 +63,28 @@ class Comparison:
     angle_law: FadingMemoryLaw
     pressure_law: FadingMemoryLaw | None
     common_deg: tuple[Floats, ...]
+    model: Model
+
+    @property
+    def kind(self) -> str:
+        """nothing_changed, cause, ambiguous or unknown."""
+        return NOTHING_CHANGED if self.change.kind == "no_gap" else self.change.kind
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of comparison.json: that of a diagnosis, of what changed."""
+        document = self.change.to_dict()
+        verdict = {**document["verdict"], "kind": self.kind}
+        common = np.concatenate(self.common_deg)
+        return {
+            **document,
+            "schema": SCHEMA,
+            "reference": self.reference.campaign.name,
+            "verdict": verdict,
+            "common": {
+                "rmse_deg": float(np.sqrt(np.mean(common**2))),
+                "learned_to_deg": self.angle_law.left_rms,
+            },
+        }
 
 
 def compare(
@@ -90,9 +117,9 @@ def compare(
         A log lacks the signal that drives the model.
     """
     progress(f"learning what the model misses on {len(reference.trials)} trials of the reference")
-    missed = [_missed(trial, plain, reference) for trial in reference.trials]
+    missed, there = _missed(reference, plain), _missed(data, plain)
     law = learn(missed)
-    common = [law.predict(t.t_s, _driving(t, plain, data)) for t in data.trials]
+    common = law.predict(there)
     predicted = [t.angle_deg - s.missed for t, s in zip(reference.trials, missed, strict=True)]
     spectrum, scattered = _noise(law, missed, predicted, common)
     rest = max(_bent_at_rest(trial, plain) for trial in data.trials)
@@ -109,7 +136,7 @@ def compare(
     if plain.signal == "command" and all(map(_shows_drive, (*reference.trials, *data.trials))):
         lost = [_lost(trial) for trial in reference.trials]
         of_pressure = learn(lost)
-        usual = [of_pressure.predict(t.t_s, _of(t.command_kpa)) for t in data.trials]
+        usual = of_pressure.predict([_lost(trial) for trial in data.trials])
         beyond = replace(
             beyond,
             pressure=_noise(of_pressure, lost, [s.input for s in lost], usual)[0],
@@ -128,7 +155,10 @@ def compare(
         progress=progress,
         beyond=beyond,
     )
-    return Comparison(reference, data, change, law, of_pressure, tuple(m for m, _ in common))
+    model = replace(change.model, extra={**plain.extra, **change.model.extra})
+    return Comparison(
+        reference, data, change, law, of_pressure, tuple(mean for mean, _ in common), model
+    )
 
 
 def _bent_at_rest(trial: Trial, plain: Model) -> float:
@@ -154,10 +184,14 @@ def _driving(trial: Trial, plain: Model, data: CampaignData) -> Floats:
     return drive
 
 
-def _missed(trial: Trial, plain: Model, data: CampaignData) -> Signal:
-    """Return what the model misses of a trial."""
-    drive = _driving(trial, plain, data)
-    return Signal(trial.t_s, drive, trial.angle_deg - predict_trial(plain, trial))
+def _missed(data: CampaignData, plain: Model) -> list[Signal]:
+    """Return what the model misses of each trial, what a trial leaves to the next with it."""
+    driving = [_driving(trial, plain, data) for trial in data.trials]
+    predicted = predict_augmented(replace(plain, extra={}), data)
+    return [
+        Signal(t.started_s, t.t_s, drive, t.angle_deg - angle)
+        for t, drive, angle in zip(data.trials, driving, predicted, strict=True)
+    ]
 
 
 def _shows_drive(trial: Trial) -> bool:
@@ -167,7 +201,7 @@ def _shows_drive(trial: Trial) -> bool:
 def _lost(trial: Trial) -> Signal:
     """Return what the pressure of a trial differs from its command by."""
     command = _of(trial.command_kpa)
-    return Signal(trial.t_s, command, _of(trial.pressure_kpa) - command)
+    return Signal(trial.started_s, trial.t_s, command, _of(trial.pressure_kpa) - command)
 
 
 def _uncertain(found: Sequence[tuple[Floats, Floats]]) -> float:

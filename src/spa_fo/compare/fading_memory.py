@@ -34,11 +34,15 @@ class Signal:
 
     Attributes
     ----------
+    started_s : float
+        Campaign time at the trial's start: trials of one campaign follow each other, at rest in
+        between.
     t_s, input : (n,) arrays
         Times from the trial's start, and what drives the actuator.
     missed : (n,) array
     """
 
+    started_s: float
     t_s: Floats
     input: Floats
     missed: Floats
@@ -82,28 +86,48 @@ class FadingMemoryLaw:
         """RMS of what is missed on trials that took no part."""
         return float(np.sqrt(np.mean(np.concatenate(self.left) ** 2)))
 
-    def predict(self, t_s: Floats, drive: Floats) -> tuple[Floats, Floats]:
-        """Predict what is missed, and the standard deviation of that, (n,) each."""
-        x = (inputs(t_s, drive, self.lags_s) - self.centre) / self.scale
-        k = kernel(x, self.at, self.length)
+    def predict(self, signals: Sequence[Signal]) -> list[tuple[Floats, Floats]]:
+        """Predict what is missed in the trials of a campaign, and how well that is known.
+
+        Returns
+        -------
+        list of pairs of (n,) arrays
+            By trial: the prediction, and its standard deviation.
+        """
+        return [self._predicted(x) for x in inputs(signals, self.lags_s)]
+
+    def _predicted(self, inputs: Floats) -> tuple[Floats, Floats]:
+        k = kernel((inputs - self.centre) / self.scale, self.at, self.length)
         solved = cho_solve((self.factor, True), k.T, check_finite=False)
         variance = np.maximum(1.0 - np.sum(k.T * solved, axis=0), 0.0)
         return k @ self.weights, self.amplitude * np.sqrt(variance)
 
 
-def inputs(t_s: Floats, drive: Floats, lags_s: Floats) -> Floats:
-    """Return the input, its lags, and its largest value so far, (n, k + 2)."""
-    # On steps of its own: logs jitter, and rows are missing.
-    t = np.arange(t_s[0], t_s[-1] + _STEP_S, _STEP_S)
-    held = drive[np.maximum(np.searchsorted(t_s, t, side="right") - 1, 0)]
-    columns = [held, *(_lagged(held, lag) for lag in lags_s), np.maximum.accumulate(held)]
-    return np.column_stack([np.interp(t_s, t, column) for column in columns])
+def inputs(signals: Sequence[Signal], lags_s: Floats) -> list[Floats]:
+    """Return the input, its lags, and its largest value in the trial so far, (n, k + 2), by trial."""
+    lagged, ended = np.zeros(lags_s.size), 0.0
+    found: dict[int, Floats] = {}
+    for i in sorted(range(len(signals)), key=lambda i: signals[i].started_s):
+        signal = signals[i]
+        # The steps are the law's own: logs jitter, and rows are missing.
+        t = np.arange(signal.t_s[0], signal.t_s[-1] + _STEP_S, _STEP_S)
+        last = np.maximum(np.searchsorted(signal.t_s, t, side="right") - 1, 0)
+        held = signal.input[last]
+        rest = max(signal.started_s + signal.t_s[0] - ended, 0.0) if found else 0.0
+        lagged = lagged * np.exp(-rest / lags_s)
+        columns = [held]
+        for k, lag in enumerate(lags_s):
+            columns.append(_lag(held, float(lag), float(lagged[k])))
+        columns.append(np.maximum.accumulate(held))
+        lagged = np.array([column[-1] for column in columns[1:-1]])
+        ended = signal.started_s + float(signal.t_s[-1])
+        found[i] = np.column_stack([np.interp(signal.t_s, t, column) for column in columns])
+    return [found[i] for i in range(len(signals))]
 
 
-def _lagged(held: Floats, lag_s: float) -> Floats:
+def _lag(held: Floats, lag_s: float, before: float) -> Floats:
     a = float(np.exp(-_STEP_S / lag_s))
-    start = np.array([a * held[0]])
-    return np.asarray(lfilter([1.0 - a], [1.0, -a], held, zi=start)[0])
+    return np.asarray(lfilter([1.0 - a], [1.0, -a], held, zi=np.array([a * before]))[0])
 
 
 def kernel(x: Floats, y: Floats, length: float) -> Floats:
@@ -120,8 +144,7 @@ def learn(signals: Sequence[Signal]) -> FadingMemoryLaw:
     """
     longest = max(float(s.t_s[-1] - s.t_s[0]) for s in signals)
     lags = np.geomspace(0.1, max(0.3 * longest, 1.0), _LAGS)
-    every = [inputs(s.t_s, s.input, lags) for s in signals]
-    all_inputs = np.concatenate(every)
+    all_inputs = np.concatenate(inputs(signals, lags))
     centre = all_inputs.mean(axis=0)
     scale = np.maximum(all_inputs.std(axis=0), 1e-9)
     x = (all_inputs - centre) / scale
