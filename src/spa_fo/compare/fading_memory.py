@@ -104,7 +104,7 @@ class FadingMemoryLaw:
 
 
 def inputs(signals: Sequence[Signal], lags_s: Floats) -> list[Floats]:
-    """Return the input, its lags, and its largest value in the trial so far, (n, k + 2), by trial."""
+    """Return by trial the input, its lags, and its largest value so far, (n, k + 2)."""
     lagged, ended = np.zeros(lags_s.size), 0.0
     found: dict[int, Floats] = {}
     for i in sorted(range(len(signals)), key=lambda i: signals[i].started_s):
@@ -143,26 +143,27 @@ def learn(signals: Sequence[Signal]) -> FadingMemoryLaw:
     of a lone one, a piece of it.
     """
     longest = max(float(s.t_s[-1] - s.t_s[0]) for s in signals)
-    lags = np.geomspace(0.1, max(0.3 * longest, 1.0), _LAGS)
+    lags = np.geomspace(0.05, max(0.3 * longest, 1.0), _LAGS)
     all_inputs = np.concatenate(inputs(signals, lags))
     centre = all_inputs.mean(axis=0)
     scale = np.maximum(all_inputs.std(axis=0), 1e-9)
     x = (all_inputs - centre) / scale
     y = np.concatenate([s.missed for s in signals])
     group = np.concatenate([_groups(s, i, len(signals)) for i, s in enumerate(signals)])
-    thin = max(1, -(-y.size // _MOST_SAMPLES))
-    chosen = np.arange(0, y.size, thin)
+    chosen = _telling(x)
+    span = np.gradient(chosen.astype(np.float64))  # samples that each stands for
     best: tuple[float, float, float] = (np.inf, 0.0, 0.0)
     for length, noise in product(_LENGTHS, _NOISES):
         left = _left_out(x[chosen], y[chosen], group[chosen], length, noise)
-        best = min(best, (float(np.mean(left**2)), length, noise))
+        best = min(best, (float(np.average(left**2, weights=span)), length, noise))
     _, length, noise = best
-    left = np.interp(
-        np.arange(y.size), chosen, _left_out(x[chosen], y[chosen], group[chosen], length, noise)
-    )
+    left = np.empty(y.size)
+    for one in np.unique(group):
+        mine, others = group == one, chosen[group[chosen] != one]
+        _, weights = _solved(x[others], y[others], length, noise)
+        left[mine] = y[mine] - kernel(x[mine], x[others], length) @ weights
     at = x[chosen]
-    factor = np.asarray(np.linalg.cholesky(kernel(at, at, length) + noise * np.eye(chosen.size)))
-    weights = cho_solve((factor, True), y[chosen])
+    factor, weights = _solved(at, y[chosen], length, noise)
     amplitude = float(np.sqrt(np.mean(y**2)))
     ends = np.cumsum([s.t_s.size for s in signals])[:-1]
     return FadingMemoryLaw(
@@ -177,6 +178,20 @@ def learn(signals: Sequence[Signal]) -> FadingMemoryLaw:
         amplitude,
         tuple(np.split(left, ends)),
     )
+
+
+def _telling(x: Floats) -> Integers:
+    """Choose samples to learn from, (n,): evenly along the way, and denser where much happens."""
+    moved = np.sqrt(np.sum(np.diff(x, axis=0, prepend=x[:1]) ** 2, axis=1))
+    way = np.cumsum(moved / max(float(moved.sum()), 1e-9) + 1.0 / moved.size)
+    marks = np.linspace(way[0], way[-1], min(_MOST_SAMPLES, x.shape[0]))
+    return np.unique(np.searchsorted(way, marks).clip(0, x.shape[0] - 1))
+
+
+def _solved(x: Floats, y: Floats, length: float, noise: float) -> tuple[Floats, Floats]:
+    """Factor K + noise, and solve (K + noise) w = y."""
+    factor = np.asarray(np.linalg.cholesky(kernel(x, x, length) + noise * np.eye(y.size)))
+    return factor, np.asarray(cho_solve((factor, True), y))
 
 
 def _groups(signal: Signal, trial: int, trials: int) -> Integers:
