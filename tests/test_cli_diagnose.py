@@ -81,7 +81,7 @@ def test_no_gap_is_an_answer(
     assert main(command(steps, truth, out)) == 0
     captured = capsys.readouterr()
     answer, _, page = captured.out.splitlines()
-    assert answer == "No gap: the model stands as it is."
+    assert answer == "No gap above the noise floor."
     assert Path(page) == out / "diagnosis.html"
     for said in ("explaining ", "weighing ", "predicting trials that took no part"):
         assert f"\n{said}" in f"\n{captured.err}"

@@ -217,7 +217,7 @@ def _models(diagnosis: Diagnosis) -> dict[str, tuple[str, Floats]]:
     traces = diagnosis.traces
     models = {"plain": ("plain model", traces.plain_deg)}
     if _explained(diagnosis):
-        models["refit"] = ("refit only", traces.refit_deg)
+        models["refit"] = ("plain model, refitted", traces.refit_deg)
         models["explained"] = ("augmented model", traces.explained_deg)
     return models
 
@@ -338,14 +338,14 @@ def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
         before = diagnosis.gap.rmse_deg
     rungs = [_Rung("plain model", before, probability_of(causes, "none"), BLUE)]
     if shrink is not None:
-        rungs.append(_Rung("refit only", shrink.refit_only_rmse_deg, None, GREEN))
+        rungs.append(_Rung("plain model, refitted", shrink.refit_only_rmse_deg, None, GREEN))
     for cause in named(causes, MOST_CAUSES):
         colour = VERMILION if cause.set in diagnosis.sets else ORANGE
         error = cause.held_out_rmse_deg if held_out else None
         rungs.append(_Rung(phrase(cause.set, " + "), error, cause.probability, colour))
     rungs.append(_Rung(phrase(("unknown",)), None, probability_of(causes, "unknown"), GREY))
     if shrink is not None and shrink.ceiling_rmse_deg is not None:
-        rungs.append(_Rung("free-form correction", shrink.ceiling_rmse_deg, None, PURPLE))
+        rungs.append(_Rung("refitted + mean residual", shrink.ceiling_rmse_deg, None, PURPLE))
     return rungs
 
 
@@ -466,6 +466,6 @@ def _draw_fixture(axes: Axes, diagnosis: Diagnosis) -> None:
     reach = 1.15 * max(float(np.abs(traces.fixture_deg).max()), 0.5 * diagnosis.gap.noise_floor_deg)
     axes.set_ylim(-reach, reach)
     axes.set_xlabel("calibration dwells, window by window")
-    axes.set_ylabel("misread (°)")
-    axes.set_title("sensor: what the curve misreads in the calibration fixture", loc="left")
+    axes.set_ylabel("reading − known (°)")
+    axes.set_title("sensor: error of the curve in the calibration fixture", loc="left")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
