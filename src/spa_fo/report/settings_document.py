@@ -17,8 +17,8 @@ from spa_fo.gap.settings import SETTINGS, Origin, Settings
 _HEAD = """\
 # Settings of the diagnosis
 
-The priors and thresholds of [a diagnosis](diagnosis.md): value, unit, origin and reason. The page is
-written from `src/spa_fo/gap/settings.py` by
+The priors and thresholds of [a diagnosis](diagnosis.md): value, unit, origin and reason. Written
+from `src/spa_fo/gap/settings.py` by
 `python -m spa_fo.report.settings_document docs`. There are {total} of them: {counts}.
 
 - **derived**: follows from something else, by the reason given;
