@@ -3,7 +3,7 @@
 Every subset of trials (or many) is fitted, and the fits are compared among themselves, with the
 trials left out, and with theory: a curve with five free parameters fitted to n datasets of p
 points errs by σ_w sqrt(5/(p n)) from noise that is independent from sample to sample, and by
-σ_b/sqrt(n) from what sets trials apart (gain, offset, pace), which no number of points mends.
+σ_b/sqrt(n) from what sets trials apart (gain, offset, rate), which no number of points reduces.
 """
 
 from __future__ import annotations

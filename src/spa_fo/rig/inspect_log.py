@@ -38,7 +38,7 @@ _RIG_ROLES = {"cmd_kpa": "command", "p_adc": "pressure", "angle_deg": "angle"}
 
 
 @dataclass(frozen=True)
-class Pace:
+class Sampling:
     """How evenly the rows follow one another.
 
     `step_s` is the median step, `early_s` and `late_s` its 5th and 95th percentile, `jitter_s`
@@ -92,7 +92,7 @@ class Inspection:
         By role, in kPa, deg or counts (the pressure of a spa-rig log: counts).
     report : FileReport
         The reader's account of what was left out.
-    pace : Pace
+    sampling : Sampling
         Of the valid rows.
     repeats : dict of str to Repeats
         By measured role.
@@ -112,7 +112,7 @@ class Inspection:
     t_s: Floats
     signals: Mapping[str, Floats]
     report: FileReport
-    pace: Pace
+    sampling: Sampling
     repeats: Mapping[str, Repeats]
     stale: Repeats | None
     guesses: Mapping[str, Guess]
@@ -158,7 +158,7 @@ class Inspection:
 
     def text(self) -> str:
         """Describe the file for a terminal, ending with the section to paste."""
-        parts = [self._title(), *self._columns(), "", *self._pace_lines(), *self._notes()]
+        parts = [self._title(), *self._columns(), "", *self._sampling_lines(), *self._notes()]
         sparks = [
             f"{role:9} {spark(values)} {values.min():.6g} to {values.max():.6g} "
             f"{_unit_of(self, role)}"
@@ -207,16 +207,16 @@ class Inspection:
         if constant:
             yield f"  constant or without numbers: {_spans(constant)}"
 
-    def _pace_lines(self) -> Iterator[str]:
-        pace = self.pace
+    def _sampling_lines(self) -> Iterator[str]:
+        rows = self.sampling
         yield (
-            f"time: {pace.rows} rows in {pace.duration_s:.4g} s, {pace.rate_hz:.4g} Hz; a step is "
-            f"{_ms(pace.step_s)}, 5 to 95 % {_ms(pace.early_s)} to {_ms(pace.late_s)}, "
-            f"jitter {_ms(pace.jitter_s)}"
+            f"time: {rows.rows} rows in {rows.duration_s:.4g} s, {rows.rate_hz:.4g} Hz; a step is "
+            f"{_ms(rows.step_s)}, 5 to 95 % {_ms(rows.early_s)} to {_ms(rows.late_s)}, "
+            f"jitter {_ms(rows.jitter_s)}"
         )
         yield (
-            f"pauses: {pace.pauses} longer than {PAUSE:g} steps; the longest step is "
-            f"{_ms(pace.longest_s)} at {pace.longest_at_s:.4g} s"
+            f"pauses: {rows.pauses} longer than {PAUSE:g} steps; the longest step is "
+            f"{_ms(rows.longest_s)} at {rows.longest_at_s:.4g} s"
         )
         report = self.report
         yield (
@@ -226,9 +226,9 @@ class Inspection:
             + (f"; {report.resets} resets of the board" if report.resets else "")
         )
         for role, repeats in self.repeats.items():
-            yield f"{role}: {_repeats_text(repeats, self.pace)}"
+            yield f"{role}: {_repeats_text(repeats, self.sampling)}"
         if self.stale is not None and len(self.repeats) > 1:
-            yield f"stale rows (all of these): {_repeats_text(self.stale, self.pace)}"
+            yield f"stale rows (all of these): {_repeats_text(self.stale, self.sampling)}"
 
     def _notes(self) -> Iterator[str]:
         yield from (f"note: {note}" for note in self.report.notes)
@@ -248,7 +248,7 @@ class Inspection:
 
 
 def inspect_log(path: Path | str) -> Inspection:
-    """Say what a log holds: its format, its columns, its pace, and how to read it.
+    """Say what a log holds: its format, its columns, its sampling, and how to read it.
 
     Parameters
     ----------
@@ -302,14 +302,14 @@ def spark(values: Floats, width: int = _SPARK_WIDTH) -> str:
     return "".join(_BARS[round((mean - low) / reach * (len(_BARS) - 1))] for mean in means)
 
 
-def pace_of(t_s: Floats) -> Pace:
-    """Measure the pace of rows at rising times `t_s`, shape (n,), n of 2 or more."""
+def sampling_of(t_s: Floats) -> Sampling:
+    """Measure the sampling of rows at rising times `t_s`, shape (n,), n of 2 or more."""
     steps = np.diff(t_s)
     usual = float(np.median(steps))
     even = steps[steps <= PAUSE * usual]
     early, late = np.percentile(even, [5.0, 95.0])
     longest = int(np.argmax(steps))
-    return Pace(
+    return Sampling(
         rows=int(t_s.size),
         duration_s=float(t_s[-1] - t_s[0]),
         step_s=usual,
@@ -372,7 +372,7 @@ def _inspection(
         t_s=t_s - t_s[0],
         signals=signals,
         report=report,
-        pace=pace_of(t_s),
+        sampling=sampling_of(t_s),
         repeats={role: repeats_of(t_s, values) for role, values in moving.items()},
         stale=repeats_of(t_s, *moving.values()) if moving else None,
         guesses=guesses or {},
@@ -441,7 +441,7 @@ def _column_text(label: str, column: Floats, role: str) -> str:
     )
 
 
-def _repeats_text(repeats: Repeats, pace: Pace) -> str:
+def _repeats_text(repeats: Repeats, sampling: Sampling) -> str:
     if not repeats.longest:
         return "no row repeats the one before"
     text = (
@@ -449,7 +449,7 @@ def _repeats_text(repeats: Repeats, pace: Pace) -> str:
         f"{repeats.longest} on end at {repeats.at_s:.4g} s"
     )
     if repeats.share > 0.5:
-        text += f" (it changes {(1.0 - repeats.share) * pace.rate_hz:.3g} times a second)"
+        text += f" (it changes {(1.0 - repeats.share) * sampling.rate_hz:.3g} times a second)"
     return text
 
 
