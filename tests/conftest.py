@@ -18,7 +18,7 @@ import pytest
 import campaigns
 from reduced_workflow import reduced, small, snakemake
 from spa_fo import Campaign
-from spa_fo.plant.effects.library import IDS
+from spa_fo.plant.effects.library import IDS, LIBRARY
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = Path(os.environ.get("SPA_FO_SHARED", ROOT.parent / "shared"))
@@ -72,6 +72,13 @@ def alone(tmp_path_factory: pytest.TempPathFactory, name: str) -> Iterator[Path]
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield path
+
+
+@pytest.fixture(autouse=True)
+def only_the_library() -> Iterator[None]:
+    """Effects of a test's own campaign leave the library with it."""
+    yield
+    LIBRARY.hold(())
 
 
 @pytest.fixture(scope="session")

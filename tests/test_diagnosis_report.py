@@ -25,13 +25,12 @@ from spa_fo.report.diagnosis_figures import (
     ladder_figure,
     stages_figure,
 )
-from spa_fo.report.effect_words import EFFECT_WORDS, parameter_words, phrase
+from spa_fo.report.effect_words import parameter_words, phrase, words_of
 from spa_fo.report.experiments import rms
 from spa_fo.report.glossary import typical
 from spa_fo.report.headline import headline, opening
 from spa_fo.report.interactive_page import interactive_page
 from spa_fo.report.law_figure import laws_figure
-from spa_fo.report.parameter_words import PARAMETER_MEANS
 from spa_fo.report.sections import step_line
 
 PLAIN = Model("bench", "rubber", TransferFunction(1.4, 1.2, 0.8, 1.6, 0.9), 30.0)
@@ -320,9 +319,9 @@ def test_large_and_negative_numbers_are_written_out() -> None:
 
 def test_every_parameter_of_the_library_has_a_meaning_and_a_typical_size() -> None:
     for effect in LIBRARY.values():
-        names = {parameter.name for parameter in effect.parameters}
-        assert names == set(PARAMETER_MEANS[effect.id]) or effect.id == "parameter_shift"
+        assert effect.parameters or effect.coefficients
         for parameter in effect.parameters:
+            assert parameter.means
             assert re.fullmatch(r"(up to )?[−\d.]+( to [−\d.]+)?", typical(parameter))
 
 
@@ -384,10 +383,12 @@ def test_evidence_findings_and_baselines_are_told() -> None:
 
 
 def test_every_effect_of_the_library_has_words() -> None:
-    assert set(EFFECT_WORDS) == set(LIBRARY)
-    names = [words.name for words in EFFECT_WORDS.values()]
-    assert len(set(names)) == len(names)
+    bare = words_of("no_longer_known")
+    assert bare.name == "no longer known"
+    assert len({effect.name for effect in LIBRARY.values()}) == len(LIBRARY)
     for effect in LIBRARY.values():
+        assert effect.means != bare.means
+        assert effect.remedy != bare.remedy
         for parameter in effect.parameters:
             words, unit = parameter_words(effect.id, parameter.name)
             assert "_" not in words + unit

@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal, norm
 from spa_fo.gap.least_squares import Explained
 from spa_fo.gap.searched import Slot
 from spa_fo.gap.whitening import Factor
-from spa_fo.plant.effects.library import Parameter
+from spa_fo.plant.effects.effect import Parameter
 
 Floats = NDArray[np.float64]
 NOISE = 0.3

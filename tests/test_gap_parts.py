@@ -22,7 +22,7 @@ from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.intervals import _interval, _of_shift, _of_zeros
 from spa_fo.gap.locate import shares
 from spa_fo.gap.searched import paced, to_x, to_z
-from spa_fo.plant.effects.library import CURVE_KNOTS_DEG
+from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
 from spa_fo.rig import read_campaign, read_trials
 
 TRUTH = np.array(list(campaigns.TRUTH.values()))

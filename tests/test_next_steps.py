@@ -12,7 +12,7 @@ import pytest
 from spa_fo.gap.diagnosis import Cause, Step
 from spa_fo.gap.findings import MISSING, lacking, misses
 from spa_fo.gap.next_steps import MOST, Option, in_words, next_steps, ranked
-from spa_fo.gap.remedies import CAMERA, REMEDIES
+from spa_fo.gap.remedies import CAMERA, known_remedies
 from spa_fo.plant.effects.library import IDS
 
 A, B, C = ("creep",), ("sensor_creep",), ("leak",)
@@ -63,7 +63,7 @@ def test_what_a_campaign_lacks_is_named() -> None:
     assert lacking(poor) == tuple(name for name in MISSING if name not in ("command", "order"))
     assert misses(poor) == tuple(MISSING[name] for name in lacking(poor))
     assert lacking(campaign(("staircase", "hold"), trials=2, mixed=False)) == ("order",)
-    assert {remedy.lacks for remedy in REMEDIES} | {"repeats"} == {"", *MISSING}
+    assert {remedy.lacks for remedy in known_remedies()} | {"repeats"} == {"", *MISSING}
 
 
 def test_drive_or_actuator_without_pressure_is_told_by_a_tap() -> None:

@@ -16,10 +16,11 @@ from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, 
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, Memory, chain_for
-from spa_fo.plant.effects.actuator import STOPS, _friction, _rub, stop_radii
 from spa_fo.plant.effects.drive import drive_pressure
-from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, IDS, LIBRARY, absent, stage_of, switches
+from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
+from spa_fo.plant.effects.library import IDS, LIBRARY, absent, stage_of, switches
 from spa_fo.plant.effects.sensor import read_angle
+from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S, contour_for
 from spa_fo.rig import Trial
@@ -237,10 +238,10 @@ def test_a_moment_in_the_loop_against_a_convolution(name: str) -> None:
 def test_friction_stops_one_after_another(moves: list[float], tail: float) -> None:
     twin, stops, radii = naive.Friction(1.0, 0.4, tail), np.zeros(STOPS), stop_radii(0.4, tail)
     for move in moves:
-        found, _ = _friction(move, stops, radii)
+        found, _ = friction(move, stops, radii)
         assert found == pytest.approx(twin.moment(0.0, 2.0 * move), abs=1e-12)
         twin.accept(0.0, move)
-        _rub(move, stops, radii)
+        rub(move, stops, radii)
         np.testing.assert_allclose(stops, twin.state, atol=1e-12)
 
 

@@ -290,7 +290,8 @@ def _add_diagnose(commands: Commands) -> None:
         "say whether, where and why model and actuator disagree, and how far the gap closes",
         "spa-fo diagnose raw/dragon_skin_20 --model model.json --out diagnosis\n\n"
         "Open DIR/diagnosis.html. DIR/augmented_model.json is the model with the explanation\n"
-        "in it; `predict` takes it. An answer of `unknown` is a result: the command leaves with 0.",
+        "in it; `predict` takes it. An answer of `unknown` is a result: the command ends with 0.\n"
+        "Effects of your own, effects/*.py in the campaign's folder, are run and weighed as well.",
     )
     add_campaign(parser)
     parser.add_argument(
@@ -315,8 +316,10 @@ def _diagnose(options: argparse.Namespace) -> None:
     places.output_folder(options.out)
     from spa_fo.api import Campaign, Model
     from spa_fo.gap.diagnose import check_request
+    from spa_fo.plant.effects.own import use_effects_of
 
     model = Model.load(options.model)
+    use_effects_of(options.campaign)
     check_request(model.document, options.exclude_effect, options.model)
     campaign = Campaign.load(options.campaign)
     replaced = places.replaced_diagnosis(options.out, campaign.name, options.overwrite)
@@ -365,10 +368,12 @@ def _plan(options: argparse.Namespace) -> None:
     from spa_fo.api.plan import plan_next
     from spa_fo.gap.profiles import BANNER
     from spa_fo.gap.rivals import read_standing
+    from spa_fo.plant.effects.own import use_effects_of
 
     spare_inputs(options, options.diagnosis)
     replaced = places.replaced_file(options.out, BANNER, "a planned profile", options.overwrite)
     campaign = loaded_campaign(options.campaign)
+    use_effects_of(options.campaign)
     standing = read_standing(options.diagnosis, campaign.name)
     plan = plan_next(campaign, standing, options.max_duration, options.max_pressure)
     plan.save(options.out)

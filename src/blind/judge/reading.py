@@ -23,7 +23,7 @@ from blind.judge.records import (
     failed,
 )
 from spa_fo.errors import BadInput
-from spa_fo.plant.effects.library import STAGES
+from spa_fo.plant.effects.effect import STAGES
 
 Record = TypeVar("Record")
 

@@ -140,8 +140,10 @@ class Diagnosis:
         """
         from spa_fo.api.plan import plan_next
         from spa_fo.gap.rivals import standing_of
+        from spa_fo.plant.effects.own import use_effects_of
 
         at_hand = campaign if isinstance(campaign, Campaign) else Campaign.load(campaign)
+        use_effects_of(at_hand.data.campaign.folder)
         standing = standing_of(self.document, at_hand.name)
         return plan_next(at_hand, standing, max_duration_s, max_pressure_kpa)
 

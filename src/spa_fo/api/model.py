@@ -128,10 +128,12 @@ class Model:
         from spa_fo.api.prediction import Prediction
         from spa_fo.identify import predict_campaign
         from spa_fo.plant.augmented import is_augmented, past_note
+        from spa_fo.plant.effects.own import use_effects_of
 
-        augmented = is_augmented(self.document, self.source)
         at_hand = campaign if isinstance(campaign, Campaign) else Campaign.load(campaign)
         data = at_hand.data
+        use_effects_of(data.campaign.folder)
+        augmented = is_augmented(self.document, self.source)
         note = past_note(self.document, data.campaign, self.source) if augmented else None
         table = predict_campaign(self.document, data, self.source)
         return Prediction(table, self, at_hand, note)
@@ -168,10 +170,12 @@ class Model:
         from spa_fo.api.diagnosis import Diagnosis
         from spa_fo.gap.diagnose import check_request, diagnose
         from spa_fo.plant.belonging import strangers
+        from spa_fo.plant.effects.own import use_effects_of
 
-        check_request(self.document, exclude, self.source)
         if not isinstance(campaign, Campaign):
             campaign = Campaign.load(campaign)
+        use_effects_of(campaign.data.campaign.folder)
+        check_request(self.document, exclude, self.source)
         tell = progress or _silent
         for warning in campaign.parse_report.warnings:
             tell(f"{campaign.name}: {warning}")

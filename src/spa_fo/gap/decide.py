@@ -28,7 +28,7 @@ from spa_fo.gap.explanations import Explanations, further_price
 from spa_fo.gap.interference import Line
 from spa_fo.gap.search import Fitted, price
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import IDS, LIBRARY, at_port, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -100,7 +100,7 @@ class Verdict:
 
 def log_prior(ids: Ids) -> float:
     """Logarithm of a set's probability beforehand: small sets first."""
-    s, n = SETTINGS, len(IDS)
+    s, n = SETTINGS, len(LIBRARY)
     if not ids:
         return float(np.log(s.none))
     if len(ids) == 1:
@@ -111,7 +111,8 @@ def log_prior(ids: Ids) -> float:
     return float(np.log(s.pair / pairs) + further + beside)
 
 
-_STANDS_IN = log_prior(IDS[:1])
+def _stands_in() -> float:
+    return log_prior(tuple(LIBRARY)[:1])
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ def _weighed(
     penalty = np.where(small, 0.0, _SHARES / s.right_share)
     scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
     right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
-    unknown = s.temper * logs + _STANDS_IN + np.log(s.unknown / _SHARES.size)
+    unknown = s.temper * logs + _stands_in() + np.log(s.unknown / _SHARES.size)
     return right, np.where(small, -np.inf, unknown)
 
 
@@ -158,7 +159,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         if not np.isfinite(f.logs).all():
             continue
         if set(ids) & set(found.excluded):
-            beyond = s.temper * float(f.logs.max()) + _STANDS_IN
+            beyond = s.temper * float(f.logs.max()) + _stands_in()
             parts.append(_Part(ids, -np.inf, np.array([beyond]), f, {}, 0.0))
             continue
         named = _that_move(f.moved_deg, floor_deg)
@@ -172,7 +173,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         left = float(_SHARES[int(np.argmax(logs))]) * gap_deg
         if f.trend_deg > s.no_gap * floor_deg:
             # What goes with the trials' order is structure that is left, too.
-            beside = s.temper * (float(logs.max()) + f.trend_nats) + _STANDS_IN
+            beside = s.temper * (float(logs.max()) + f.trend_nats) + _stands_in()
             unknown = np.append(unknown, beside + np.log(s.unknown * s.trend))
             left = float(np.hypot(left, f.trend_deg))
         moved = {n: f.moved_deg[n] for n in named}

@@ -37,15 +37,15 @@ from spa_fo.gap.missing import NOTHING, Missing, find_missing, law_finding
 from spa_fo.gap.next_steps import in_words, next_steps
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS, Model, read_model, write_model
-from spa_fo.plant.effects.library import IDS, LIBRARY, STAGES, absent, at_port
+from spa_fo.plant.effects.effect import STAGES
+from spa_fo.plant.effects.library import COMMONEST, LIBRARY, absent, at_port
+from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-COMMONEST = "hysteresis"
-"""What one hears most often about soft actuators: a baseline that always answers so."""
 _IDENTIFIED = "sampling"  # a key that an identification writes to its model
 _NOT_KNOWN = (
     "neither the pressure nor a calibration was logged: what is not explained may be anyone's"
@@ -101,6 +101,7 @@ def diagnose_files(
         Something is wrong with the campaign, the model, or an effect's name.
     """
     plain = read_model(model_path)
+    use_effects_of(folder)
     check_request(plain, exclude, model_path)
     data = read_trials(read_campaign(folder))
     return diagnose(data, plain, excluded=exclude, seed=seed, progress=progress)
@@ -121,7 +122,7 @@ def check_request(plain: Model, exclude: Sequence[str], source: Path | str = "mo
         raise BadInput(source, "expected a positive number", "transfer_function.b0")
     for name in exclude:
         if name not in LIBRARY:
-            raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, IDS)}")
+            raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, LIBRARY)}")
 
 
 def write_files(diagnosis: Diagnosis, out: Path | str) -> None:
@@ -160,6 +161,7 @@ def diagnose(
     progress : callable
         Told of each step in words.
     """
+    use_effects_of(data.campaign.folder)
     rng = np.random.default_rng(seed)
     examined = examine(data, plain, excluded, rng, progress)
     everything, held, floor = examined.everything, examined.held, examined.floor_deg
@@ -285,7 +287,7 @@ def examine(
     everything = collect(data)
     excluded = tuple(excluded)
     if everything.grid.command_kpa is None:
-        drives = [n for n in IDS if LIBRARY[n].stage == "drive" and n not in excluded]
+        drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
     held = hold_out(everything, rng)
     evidence = replace(everything, takes_part=~held.trials)
@@ -436,7 +438,7 @@ def _causes(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cause
         causes.append(Cause(("none",), 0.0, {}, x, held_out_rmse_deg=claimed.errors[()]))
     causes += [
         Cause((name,), 0.0, {}, {})
-        for name in IDS
+        for name in LIBRARY
         if (name,) not in known and name not in examined.excluded
     ]
     causes.append(Cause(("unknown",), verdict.unknown, {}, {}))

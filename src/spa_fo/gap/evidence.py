@@ -9,13 +9,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.plant.chain import Chain, Seat, chain_for, smeared
-from spa_fo.plant.effects.actuator import CREEP_TIMES_S
-from spa_fo.plant.effects.drive import drive_pressure
-from spa_fo.plant.effects.library import CURVE_KNOTS_DEG, LIBRARY
-from spa_fo.plant.effects.sensor import read_angle
+from spa_fo.plant.chain import Chain, Seat, chain_for, log_delays
+from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
+from spa_fo.plant.effects.shared import CREEP_TIMES_S
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
+from spa_fo.plant.stages import felt_angle, true_pressure
 from spa_fo.rig import Calibration, CampaignData, Dwell
 
 Floats = NDArray[np.float64]
@@ -26,13 +26,6 @@ _BINNING_DEG = 0.03  # error of averaging a curve over a step
 _TIMING_S = 0.003  # error of one sample's time
 _CURVE_FLOOR_DEG, _BARE_CURVE_DEG = 0.08, 0.25
 _WINDOWS = 4  # of a calibration dwell
-FILM_SLOTS = np.r_[
-    LIBRARY["sensor_hysteresis"].slots,
-    LIBRARY["sensor_creep"].slots,
-    LIBRARY["sensor_lag"].slots,
-    LIBRARY["channel_latency"].slots,
-]
-"""Parameters that the calibration fixture shows."""
 _FIXTURE_LEVEL = 1  # steps of the fixture's simulation: 0.04 s
 _RELAX_LEVEL = 7  # and of the time the sensor lies flat: 2.6 s
 _FIXTURE_FLOOR_DEG = 0.06
@@ -115,9 +108,10 @@ class Fixture:
             What the first calibration leaves the sensor with.
         """
         own = effects.copy()
-        for name in ("sensor_nonlinearity", "sensor_saturation"):
-            own[LIBRARY[name].slots] = np.nan  # of the seat: the fixture does not show them
-        if np.isnan(own[FILM_SLOTS]).all():
+        for effect in LIBRARY.values():
+            if not effect.in_fixture:
+                own[effect.slots] = np.nan  # of the seat: the fixture does not show it
+        if np.isnan(own).all():
             return np.zeros(self.deviation_deg.size), Seat()
         film = np.zeros(4 + CREEP_TIMES_S.size)
         read = np.empty(self.angle_deg.size)
@@ -125,17 +119,17 @@ class Fixture:
         for log, (first, end) in enumerate(pairwise(self.log_starts.tolist())):
             if log > 0:
                 film[0] = film_turned  # by what happened to it since
-            read[first:end] = read_angle(
+            read[first:end] = felt_angle(
                 self.angle_deg[first:end], self.level[first:end], own, film
             )
             if log == 0:
                 start = film.copy()
-        delay, window = effects[LIBRARY["channel_latency"].slots]
+        delays = log_delays(effects)
         over_step = 0.5 * (read + np.concatenate([read[:1], read[:-1]]))
         total = np.concatenate([[0.0], np.cumsum(over_step)])
         at = np.arange(total.size)
         mean = np.zeros(self.step_of.shape[0])
-        delays = np.zeros(1) if np.isnan(delay) else smeared(delay, window)
+        delays = np.zeros(1) if delays is None else delays
         for late in delays / STEPS_S[_FIXTURE_LEVEL]:
             first, last = self.step_of[:, 0] - late, self.step_of[:, 1] - late
             rise = np.interp(last, at, total) - np.interp(first, at, total)
@@ -455,4 +449,4 @@ def modelled_pressure(evidence: Evidence, effects: Floats) -> Floats:
     """Return the true pressure on the grid's cells with these drive effects, kPa."""
     command = evidence.grid.command_kpa
     assert command is not None
-    return np.asarray(drive_pressure(command, evidence.grid.cell_starts, effects, np.zeros(2)))
+    return true_pressure(command, evidence.grid.cell_starts, effects, np.zeros(2))

@@ -21,7 +21,7 @@ from spa_fo.gap.problem import AngleProblem, starts
 from spa_fo.gap.search import LINE_SEARCH, Fitted, fit, weighed, without_others
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
-from spa_fo.plant.effects.library import IDS, LIBRARY, at_port, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -202,7 +202,7 @@ def _three(
 
 def further_price() -> float:
     """Say what one effect more costs a set beforehand, nats."""
-    return float(np.log(SETTINGS.single * len(IDS) / SETTINGS.pair))
+    return float(np.log(SETTINGS.single * len(LIBRARY) / SETTINGS.pair))
 
 
 def _gap_known(bench: Bench) -> Bench:
@@ -219,7 +219,7 @@ def _gap_known(bench: Bench) -> Bench:
 def _to_try(bench: Bench, excluded: Sequence[str]) -> tuple[list[str], list[str]]:
     """List the effects that are columns or covariances, and those that are simulated."""
     linear, chained = [], []
-    for name in IDS:
+    for name in LIBRARY:
         effect = LIBRARY[name]
         known = effect.stage == "drive" and bench.chain.is_pressure
         if name in excluded or known or effect.port == "line":

@@ -17,7 +17,7 @@ from spa_fo.gap.evidence import Evidence
 from spa_fo.gap.findings import MISSING, lacking
 from spa_fo.gap.plan import Plan, plan_few, richest_profile, to_run
 from spa_fo.gap.profiles import limits_of
-from spa_fo.gap.remedies import CAMERA, REMEDIES, Remedy
+from spa_fo.gap.remedies import CAMERA, Remedy, known_remedies
 from spa_fo.gap.rivals import Ids
 from spa_fo.plant.effects.library import LIBRARY
 
@@ -143,7 +143,7 @@ def remedy_options(
     """
     return [
         _option(remedy, pairs, _SHOWN if remedy.protocol else _SEEN)
-        for remedy in REMEDIES
+        for remedy in known_remedies()
         if (not remedy.lacks or remedy.lacks in lacks) and (protocols or not remedy.protocol)
     ]
 
@@ -218,7 +218,7 @@ def _open_ended(
     pairs: Mapping[Pair, float], lacks: Sequence[str], evidence: Evidence
 ) -> list[Option]:
     """Offer one rich profile in place of every protocol that the campaign lacks."""
-    protocols = [r for r in REMEDIES if r.protocol and r.lacks in lacks]
+    protocols = [r for r in known_remedies() if r.protocol and r.lacks in lacks]
     try:
         if evidence.grid.command_kpa is None or not protocols:
             return remedy_options(pairs, lacks, protocols=True)

@@ -18,7 +18,8 @@ from spa_fo.gap.least_squares import Explained
 from spa_fo.gap.searched import Slot
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.whitening import Factor, Whitening
-from spa_fo.plant.effects.library import LIBRARY, Parameter, absent
+from spa_fo.plant.effects.effect import Parameter
+from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]

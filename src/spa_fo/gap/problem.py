@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
-from spa_fo.gap.evidence import FILM_SLOTS, curve_columns
+from spa_fo.gap.evidence import curve_columns
 from spa_fo.gap.least_squares import Explained
 from spa_fo.gap.searched import (
-    ANGLE_SLOTS,
     HIGHEST,
     LN_GAIN,
     LOWEST,
@@ -88,6 +87,8 @@ class AngleProblem(Explained):
             HIGHEST,
             bench.scales,
         )
+        self.film_slots = LIBRARY.slots(lambda e: e.in_fixture)
+        self.angle_slots = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
         self._base: _Base | None = None
         self._lay()
 
@@ -205,7 +206,7 @@ class AngleProblem(Explained):
     def predict(self, z: Floats) -> tuple[Floats, Floats]:
         """Angles at the grid's samples, and readings in the fixture."""
         e, base = self.effects(z), self._base
-        if base is not None and _same(e, base.effects, FILM_SLOTS):
+        if base is not None and _same(e, base.effects, self.film_slots):
             deviation, seat = base.in_fixture
         else:
             deviation, seat = self._in_fixture(e)
@@ -213,7 +214,7 @@ class AngleProblem(Explained):
         if (
             base is not None
             and np.array_equal(z[:5], base.z[:5])
-            and _same(e, base.effects, ANGLE_SLOTS)
+            and _same(e, base.effects, self.angle_slots)
         ):
             angle = base.angle_deg
         else:

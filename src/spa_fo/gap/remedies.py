@@ -1,28 +1,42 @@
-"""What tells two explanations apart, beside a pressure profile: a table of remedies."""
+"""What tells two explanations apart, beside a pressure profile.
+
+Nothing is listed here by an effect's name: every effect says what shows it, what it is taken for,
+and in which evidence it shows (`spa_fo.plant.effects.effect.Effect`), and its stage says the rest.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from spa_fo.plant.effects.library import IDS, LIBRARY
+from spa_fo.plant.effects.effect import Check, Effect, Shown
+from spa_fo.plant.effects.library import LIBRARY
 
 _MOST = 2  # remedies for one pair
+_PASSING = ("delay", "lag")  # filters that leave nothing behind once an angle has settled
 
-
-def _at(*stages: str) -> frozenset[str]:
-    return frozenset(name for name in IDS if LIBRARY[name].stage in stages)
-
-
-_ALL = frozenset(IDS)
-_DRIVE, _ACTUATOR, _SENSOR = _at("drive"), _at("actuator"), _at("sensor")
-_BY_TIME = frozenset({"thermal_drift", "mullins_softening", "sensor_slip"})
-
-_TWINS = (
-    frozenset({"creep", "sensor_creep"}),
-    frozenset({"line_lag", "sensor_lag"}),
-    frozenset({"dead_time", "channel_latency"}),
+_PROTOCOLS: dict[Shown, Check] = {
+    "release": Check(
+        "record the release after each step too",
+        "play, loops and creep leave something behind there",
+    ),
+    "levels": Check(
+        "record a staircase or a triangle up and down",
+        "what goes with the angle or its direction shows level by level",
+    ),
+    "hold": Check(
+        "record a hold of a minute and the recovery from it",
+        "what goes on while the command stands still shows alone there",
+    ),
+}
+_ORDER = Check(
+    "mix the order of the experiments",
+    "in blocks a drift looks like a dependence on the amplitude",
 )
+
+
+def _where(holds: Callable[[Effect], bool]) -> frozenset[str]:
+    return frozenset(name for name, effect in LIBRARY.items() if holds(effect))
 
 
 def twins(one: Sequence[str], other: Sequence[str], tapped: bool) -> bool:
@@ -38,8 +52,10 @@ def twins(one: Sequence[str], other: Sequence[str], tapped: bool) -> bool:
     tapped : bool
         Whether the pressure is measured, which tells the drive from the rest.
     """
-    differ = frozenset(one) ^ frozenset(other)
-    return differ in _TWINS and not (tapped and differ & _DRIVE)
+    differ = [LIBRARY[name] for name in frozenset(one) ^ frozenset(other)]
+    if len(differ) != 2 or not differ[0].filter or differ[0].filter != differ[1].filter:
+        return False
+    return not (tapped and "drive" in {effect.stage for effect in differ})
 
 
 @dataclass(frozen=True)
@@ -73,137 +89,79 @@ class Remedy:
         return any(a & self.one and (b & self.other or not b) for a, b in (only, only[::-1]))
 
 
-def _protocol(effects: frozenset[str], do: str, why: str, lacks: str) -> Remedy:
-    return Remedy(effects, _ALL - effects, do, why, lacks, protocol=True)
+def _remedy(check: Check, one: frozenset[str], other: frozenset[str], lacks: str = "") -> Remedy:
+    return Remedy(one, other, check.do, check.why, lacks)
 
 
-REMEDIES: tuple[Remedy, ...] = (
-    Remedy(
-        frozenset({"mains_pickup"}),
-        _ALL,
-        "record the flex channel at rest for a minute, pump off and pump on",
-        "interference shows without any motion",
-    ),
-    Remedy(
-        frozenset({"creep"}),
-        frozenset({"sensor_creep"}),
-        "calibrate again with dwells of ten minutes at large angles",
-        "against a fixture only the sensor's own creep drifts",
-    ),
-    Remedy(
-        frozenset({"hysteresis"}),
-        frozenset({"sensor_hysteresis"}),
-        "calibrate again up and down in small steps",
-        "a loop against a fixture is the sensor's",
-    ),
-    Remedy(
-        frozenset({"sensor_lag"}),
-        frozenset({"channel_latency"}),
-        "log several times as fast and let the sensor snap back from a known angle",
-        "a delay keeps the edge, a lag rounds it",
-    ),
-    Remedy(
-        _DRIVE,
-        _ALL,
+def known_remedies() -> tuple[Remedy, ...]:
+    """List what can be done at the bench; what fits a pair of effects best stands first."""
+    return tuple(_known())
+
+
+def _known() -> Iterator[Remedy]:
+    every = frozenset(LIBRARY)
+    drive = _where(lambda e: e.stage == "drive")
+    actuator = _where(lambda e: e.stage == "actuator")
+    sensor = _where(lambda e: e.stage == "sensor")
+    for effect in LIBRARY.values():
+        for other, check in effect.equivalents.items():
+            yield _remedy(check, frozenset({effect.id}), frozenset({other}))
+    yield from _checks(lambda e: e.stage == "acquisition")
+    yield Remedy(
+        drive,
+        every,
         "log the pressure with a tap in the line, close to the actuator",
         "what the drive makes of the command shows there, without the actuator and the sensor",
         lacks="pressure",
-    ),
-    Remedy(
-        _DRIVE,
-        _ALL - _DRIVE,
+    )
+    yield Remedy(
+        drive,
+        every - drive,
         "log the command beside the pressure",
         "without it nothing is known of the drive",
         lacks="command",
-    ),
-    Remedy(
-        frozenset({"gravity_load"}),
-        _ALL,
-        "mount the actuator in another orientation and repeat a step",
-        "only the weight's moment turns with it",
-    ),
-    Remedy(
-        frozenset({"sensor_slip"}),
-        _ALL,
-        "note the reading at rest before each trial, and calibrate again after the last",
-        "a slip stays in the zero",
-    ),
-    Remedy(
-        frozenset({"thermal_drift"}),
-        _ALL,
-        "repeat one step every quarter of an hour for some hours",
-        "a drift goes on with the clock, whatever the loads",
-    ),
-    Remedy(
-        frozenset({"mullins_softening"}),
-        _ALL,
-        "take a fresh specimen through the same first loads",
-        "only virgin material softens",
-    ),
-    Remedy(
-        frozenset({"contact_stop"}),
-        _ALL,
-        "clear the space round the actuator and repeat the largest step",
-        "what it touched is gone then",
-    ),
-    Remedy(
-        _SENSOR,
-        _ALL - _SENSOR,
+    )
+    yield from _checks(lambda e: e.stage != "acquisition" and e.port != "coefficients")
+    yield Remedy(
+        sensor,
+        every - sensor,
         "record a calibration of the sensor against known angles, up and down",
         "in the fixture nothing but the sensor can lag, creep or loop",
         lacks="calibration",
-    ),
-    Remedy(
-        _SENSOR - {"sensor_lag"},
-        _ALL - _SENSOR,
+    )
+    yield Remedy(
+        sensor & _where(lambda e: e.filter not in _PASSING),
+        every - sensor,
         "calibrate the sensor once more, after the last trial",
         "what has changed between two calibrations is the sensor's",
         lacks="later calibration",
-    ),
-    Remedy(
-        _SENSOR,
-        _ACTUATOR,
+    )
+    yield Remedy(
+        sensor,
+        actuator,
         "check the reading against an outside reference while the actuator moves, such as a camera",
         "what it does not show is the sensor's",
-    ),
-    Remedy(
-        frozenset({"parameter_shift"}),
-        _ALL,
-        "repeat a step with the specimen that the model was identified on",
-        "a shift stays with the specimen",
-    ),
-    _protocol(
-        frozenset({"hysteresis", "sensor_hysteresis", "drive_backlash", "creep", "sensor_creep"}),
-        "record the release after each step too",
-        "play, loops and creep leave something behind there",
-        "release",
-    ),
-    _protocol(
-        frozenset({"stiffening", "contact_stop", "gravity_load", "drive_backlash", "hysteresis"})
-        | {"sensor_nonlinearity", "sensor_saturation", "sensor_hysteresis"},
-        "record a staircase or a triangle up and down",
-        "what goes with the angle or its direction shows level by level",
-        "levels",
-    ),
-    _protocol(
-        frozenset({"creep", "sensor_creep", "leak", "supply_droop", "mullins_softening"}),
-        "record a hold of a minute and the recovery from it",
-        "what goes on while the command stands still shows alone there",
-        "hold",
-    ),
-    Remedy(
-        _BY_TIME,
-        _ALL - _BY_TIME,
-        "mix the order of the experiments",
-        "in blocks a drift looks like a dependence on the amplitude",
-        lacks="order",
-    ),
-)
-"""Those that fit a pair of effects best stand first."""
+    )
+    yield from _checks(lambda e: e.port == "coefficients")
+    for shown, check in _PROTOCOLS.items():
+        ids = _shown_in(shown)
+        yield Remedy(ids, every - ids, check.do, check.why, shown, protocol=True)
+    by_time = _shown_in("order")
+    yield _remedy(_ORDER, by_time, every - by_time, "order")
 
-CAMERA = Remedy(
-    _ALL,
-    _ALL,
+
+def _checks(holds: Callable[[Effect], bool]) -> Iterator[Remedy]:
+    """Give what shows single effects, whatever else they may be."""
+    for effect in LIBRARY.values():
+        if effect.check is not None and holds(effect):
+            yield _remedy(effect.check, frozenset({effect.id}), frozenset(LIBRARY))
+
+
+def _shown_in(evidence: Shown) -> frozenset[str]:
+    return _where(lambda effect: evidence in effect.shown_in)
+
+
+CAMERA = Check(
     "record the angle by a second way, such as a camera, beside the sensor",
     "it shows whether the gap is in the motion or in the reading of it",
 )
@@ -227,7 +185,7 @@ def remedies(one: Sequence[str], other: Sequence[str], tapped: bool) -> tuple[st
     """
     found = [
         f"{remedy.do}: {remedy.why}"
-        for remedy in REMEDIES
+        for remedy in known_remedies()
         if not remedy.protocol and remedy.lacks in ("", "" if tapped else "pressure")
         if remedy.parts(one, other)
     ]

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.gap.diagnosis import SCHEMA
 from spa_fo.plant import PARAMETERS, TransferFunction
-from spa_fo.plant.effects.library import IDS, LIBRARY, absent
+from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.validation import suggestion
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 KINDS = ("no_gap", "cause", "ambiguous", "unknown")
 
-_UNSIMULATED = ("parameter_shift", "mains_pickup")
-"""The first is in the coefficients, the second has a phase of its own in every trial."""
+_UNSIMULATED = ("coefficients", "line")
+"""Ports of what stands in the coefficients, and of what has a phase of its own in every trial."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def rival(
     effects = absent()
     for name in ids:
         form = LIBRARY[name]
-        if name in _UNSIMULATED:
+        if form.port in _UNSIMULATED:
             continue
         given = parameters[name]
         for place, parameter in enumerate(form.parameters, start=form.first):
@@ -222,7 +222,7 @@ class _Reader:
             self.refuse("verdict.sets", f"expected lists of effects, found {ids!r}")
         for name in ids:
             if not isinstance(name, str) or name not in LIBRARY:
-                near = suggestion(str(name), IDS)
+                near = suggestion(str(name), LIBRARY)
                 self.refuse("verdict.sets", f"'{name}' is no known effect{near}")
         for index, cause in enumerate(causes):
             if isinstance(cause, Mapping) and cause.get("set") == ids:

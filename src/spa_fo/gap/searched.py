@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.plant.effects.library import LIBRARY, Parameter
+from spa_fo.plant.effects.effect import Parameter
 
 Floats = NDArray[np.float64]
 
@@ -16,15 +16,6 @@ LN_GAIN = 4
 LOWEST = np.array([0.05, 0.01, -8.0, -8.0, -8.0])
 HIGHEST = np.array([1.995, 0.9995, 8.0, 8.0, 8.0])
 """Bounds of the searched coefficients."""
-
-ANGLE_SLOTS = np.concatenate(
-    [
-        np.arange(effect.slots.start, effect.slots.stop)
-        for effect in LIBRARY.values()
-        if effect.stage in ("drive", "actuator")
-    ]
-)
-"""Parameters that the true angle depends on."""
 
 
 def to_z(x: Floats) -> Floats:

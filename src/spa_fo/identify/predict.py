@@ -13,6 +13,7 @@ from spa_fo.fractional import simulate
 from spa_fo.identify.whole_log import HOLD, input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import is_augmented, predict_alone, predict_augmented
+from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import CampaignData, Trial
 
@@ -65,6 +66,7 @@ def predict_campaign(
         A log does not hold the signal that drives the model, or an effect of the model is not
         what the library expects.
     """
+    use_effects_of(data.campaign.folder)
     for trial, (_, _, file) in zip(data.trials, data.campaign.trial_files(), strict=True):
         if input_of(trial, model.signal) is None:
             raise BadInput(file.path, f"expected a {model.signal} column: it drives the model")

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, Memory, Seat, chain_for
-from spa_fo.plant.effects.library import IDS, LIBRARY, Effect, Parameter, absent
+from spa_fo.plant.effects.effect import Effect, Parameter
+from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.law import LAW, Law, law_of
 from spa_fo.plant.lawful import with_law
@@ -98,7 +99,7 @@ def is_augmented(model: Model, source: Source = "model") -> bool:
         See `effects_vector`.
     """
     vector = effects_vector(model, source)
-    vector[LIBRARY["mains_pickup"].slots] = np.nan
+    vector[LIBRARY.slots(lambda effect: effect.port == "line")] = np.nan
     return law_in(model, source) is not None or not bool(np.isnan(vector).all())
 
 
@@ -284,7 +285,7 @@ class _Entry:
     def form(self) -> Effect:
         name, stage = self.effect["id"], self.effect["stage"]
         if name not in LIBRARY:
-            self.refuse("id", f"is '{name}', which is no known effect{suggestion(name, IDS)}")
+            self.refuse("id", f"is '{name}', which is no known effect{suggestion(name, LIBRARY)}")
         form = LIBRARY[name]
         if stage != form.stage:
             self.refuse("stage", f"is '{stage}', but {name} belongs to the {form.stage}")

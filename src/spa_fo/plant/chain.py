@@ -15,19 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from spa_fo._jit import njit
-from spa_fo.plant.effects.actuator import CREEP_TIMES_S, MULLINS_LEVELS, STOPS, move
-from spa_fo.plant.effects.drive import DRIVE_BACKLASH, drive_pressure
+from spa_fo.plant.effects.actuator import move
+from spa_fo.plant.effects.channel_latency import read_earlier, smeared
+from spa_fo.plant.effects.drive_backlash import resting_kpa
+from spa_fo.plant.effects.hysteresis import STOPS
 from spa_fo.plant.effects.library import LIBRARY
-from spa_fo.plant.effects.sensor import read_angle
+from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS
+from spa_fo.plant.effects.own import acting
+from spa_fo.plant.effects.sensor_slip import slipped
+from spa_fo.plant.effects.shared import CREEP_TIMES_S
 from spa_fo.plant.grid import CampaignGrid
-from spa_fo.plant.memory import MODES, Contour, contour_for
+from spa_fo.plant.memory import MODES, STEPS_S, Contour, contour_for
+from spa_fo.plant.stages import felt_angle, logged_angle, moving_pressure, true_pressure
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_LATENCY = LIBRARY["channel_latency"].first
-_SLIP = LIBRARY["sensor_slip"].first
+_LATENCY = LIBRARY["channel_latency"].slots
+_SLIP = LIBRARY["sensor_slip"].slots
+_PLAY = LIBRARY["drive_backlash"].slots
 
 
 @dataclass(frozen=True)
@@ -205,7 +211,7 @@ class Chain:
         """Give the true pressure on the cells, kPa."""
         if self.is_pressure:
             return self.input_kpa
-        return np.asarray(drive_pressure(self.input_kpa, self.grid.cell_starts, effects, play))
+        return true_pressure(self.input_kpa, self.grid.cell_starts, effects, play)
 
     def run(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials.
@@ -246,14 +252,36 @@ class Chain:
         steps: slice = slice(None),
     ) -> tuple[Floats, Memory]:
         """Angle in some steps under the mean of u over each, `memory` carried on in place."""
-        grid = self.grid
-        if not math.isnan(effects[DRIVE_BACKLASH]) and not self.is_pressure:
-            load[grid.cells[steps] == 0] = _resting(effects) / self.reference_kpa
+        width, centre = effects[_PLAY]
+        if not math.isnan(width) and not self.is_pressure:
+            load[self.grid.cells[steps] == 0] = resting_kpa(width, centre) / self.reference_kpa
+        load = self._pushed(load, x, effects, memory, steps)
+        angle = self._move(load, x, effects, memory, steps)
+        return angle, replace(memory, ends_s=self.grid.ends_s)
+
+    def _pushed(
+        self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
+    ) -> Floats:
+        """Give the load with what effects of a campaign's own make of it."""
+        if not any(acting(effects, "actuator")):
+            return load
+        kpa = self.reference_kpa
+        before = math.degrees(memory.stops[STOPS] + memory.creep.sum())
+
+        def angle(pressure: Floats) -> Floats:
+            return self._move(pressure / kpa, x, effects, memory.copy(), steps)
+
+        return moving_pressure(kpa * load, self.grid.level[steps], effects, before, angle) / kpa
+
+    def _move(
+        self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
+    ) -> Floats:
+        """Move the actuator; the memory is carried on in place."""
         c = self.contour
         angle = move(
             load,
-            grid.level[steps],
-            grid.middle_s[steps],
+            self.grid.level[steps],
+            self.grid.middle_s[steps],
             x,
             effects,
             c.nodes,
@@ -266,7 +294,7 @@ class Chain:
             memory.stops,
             memory.virgin,
         )
-        return np.degrees(angle), replace(memory, ends_s=grid.ends_s)
+        return np.degrees(angle)
 
     def read(
         self, angle_deg: Floats, effects: Floats, film: Floats, level: Integers | None = None
@@ -276,7 +304,7 @@ class Chain:
         The state `film` is carried on in place.
         """
         level = self.grid.level if level is None else level
-        return np.asarray(read_angle(angle_deg, level, effects, film))
+        return felt_angle(angle_deg, level, effects, film)
 
     def _load(self, effects: Floats, play: Floats) -> Floats:
         """Mean of u over each step."""
@@ -312,36 +340,27 @@ class Chain:
         # A film may read other than 0 at rest.
         at_rest = self.read(np.zeros(1), effects, self.memory.film.copy(), grid.level[:1])
         before = np.concatenate([at_rest, reading[:-1]])
-        if math.isnan(effects[_LATENCY]):
+        delays = log_delays(effects)
+        if delays is None:
             y = (1.0 - share) * before[step] + share * reading[step]
         else:
-            delay, window = effects[_LATENCY : _LATENCY + 2]
-            y = np.mean(
-                [
-                    _delayed(
-                        before, reading, grid.level, grid.step_starts, step, share, trial, late
-                    )
-                    for late in smeared(delay, window)
-                ],
-                axis=0,
-            )
+            at = (grid.level, grid.step_starts, step, share, trial)
+            y = np.mean([read_earlier(before, reading, *at, late) for late in delays], axis=0)
         y = self.seat.logged_deg(y)
-        if not math.isnan(effects[_SLIP]):
-            y = y + slipped(grid.orders, effects)[trial]
+        walk, zero = effects[_SLIP]
+        if not math.isnan(walk):
+            y = y + slipped(grid.orders, walk, zero)[trial]
+        if any(acting(effects, "acquisition")):
+            starts_s = np.array([one.started_s for one in grid.trials])
+            at_s = grid.middle_s[step] + (share - 0.5) * STEPS_S[grid.level[step]]
+            y = logged_angle(y, at_s - starts_s[trial], trial, effects)
         return np.asarray(y)
 
 
-def smeared(delay_s: float, window_share: float) -> Floats:
-    """Delays whose mean is the channel's: a buffer has one, a moving average a spread of them."""
-    if window_share < 1e-3:
-        return np.array([delay_s])
-    return delay_s * (1.0 + window_share * np.linspace(-0.8, 0.8, 5))
-
-
-def slipped(orders: Integers, effects: Floats) -> Floats:
-    """Zero of a slipping sensor in the trials of these orders, deg."""
-    walk, zero = effects[_SLIP : _SLIP + 2]
-    return np.asarray(zero + walk * (orders - 1.0))
+def log_delays(effects: Floats) -> Floats | None:
+    """Delays (s) that the log reads an angle with, each as often as the others; None without."""
+    delay, window = effects[_LATENCY]
+    return None if math.isnan(delay) else smeared(delay, window)
 
 
 def chain_for(
@@ -377,36 +396,3 @@ def chain_for(
     return Chain(
         grid, driven, pressure_kpa is not None, reference_kpa, contour_for(x), memory or Memory()
     )
-
-
-def _resting(effects: Floats) -> float:
-    """Pressure that a pump with play leaves in the actuator after it was vented, kPa."""
-    return float(effects[DRIVE_BACKLASH] * effects[DRIVE_BACKLASH + 1])
-
-
-@njit
-def _delayed(
-    before: Floats,
-    reading: Floats,
-    level: Integers,
-    starts: Integers,
-    step: Integers,
-    share: Floats,
-    trial: Integers,
-    delay: float,
-) -> Floats:
-    """Read each sample `delay` seconds earlier, straight within a step."""
-    out = np.empty(step.size)
-    for i in range(step.size):
-        j = step[i]
-        first = starts[trial[i]]
-        back = delay
-        length = 0.02 * 2.0 ** level[j]
-        at = share[i] * length - back
-        while at < 0.0 and j > first:
-            j -= 1
-            length = 0.02 * 2.0 ** level[j]
-            at += length
-        at = max(at, 0.0)
-        out[i] = before[j] + (reading[j] - before[j]) * at / length
-    return out

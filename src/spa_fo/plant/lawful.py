@@ -14,8 +14,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, Memory
 from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.own import acting
 from spa_fo.plant.law import Law, Past
 from spa_fo.plant.law_kernel import DAMPING, MOMENT, RELAXATION, follow
 from spa_fo.plant.memory import STEPS_S
@@ -28,9 +30,6 @@ _SETTLED_DEG = 1e-6
 _SHORTEST = 8  # steps of a window
 _NONE = Law("input_map", np.array([0.0, 1.0]), np.zeros(2))
 _KINDS = {"moment": MOMENT, "damping": DAMPING, "relaxation": RELAXATION}
-_ACTUATOR = np.concatenate(
-    [np.arange(e.slots.start, e.slots.stop) for e in LIBRARY.values() if e.stage == "actuator"]
-)
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ class LawfulChain(Chain):
         load = load + self._of_input(load * self.reference_kpa) / self.reference_kpa
         if not self.law.follows_motion:
             return self._moved(load, x, effects, memory)
-        if np.isnan(effects[_ACTUATOR]).all():
+        if np.isnan(effects[LIBRARY.slots(lambda e: e.stage == "actuator")]).all():
             return self._followed(load, x, memory)
         angle, past = np.empty_like(load), None
         windows = [slice(0, load.size)]
@@ -71,7 +70,7 @@ class LawfulChain(Chain):
             window = windows.pop()
             found = self._settled(load, x, effects, window, memory, past)
             if found is None:
-                windows += self._halves(window)
+                windows += self._halves(window, effects)
             else:
                 angle[window], memory, past = found
         return angle, memory
@@ -114,7 +113,12 @@ class LawfulChain(Chain):
         added, angle, first = np.zeros(step_s.size), np.full(step_s.size, np.inf), np.inf
         for turn in range(_ROUNDS):
             pushed = load[window] + added / self.reference_kpa
-            again, after = self._moved(pushed, x, effects, memory.copy(), window)
+            try:
+                again, after = self._moved(pushed, x, effects, memory.copy(), window)
+            except BadInput:  # the law pushes an effect of a campaign's own too far
+                if turn == 0:
+                    raise
+                break
             change = float(np.max(np.abs(again - angle)))
             if change < _SETTLED_DEG:
                 return again, after, self.law.of_motion(again, step_s, past)[1]
@@ -124,9 +128,11 @@ class LawfulChain(Chain):
             angle, (added, _) = again, self.law.of_motion(again, step_s, past)
         return None
 
-    def _halves(self, window: slice) -> list[slice]:
+    def _halves(self, window: slice, effects: Floats) -> list[slice]:
         """Split a window of steps, the first half last."""
-        if window.stop - window.start < 2 * _SHORTEST:
+        # An effect of a campaign's own is shown all of it, or what it remembers is lost.
+        whole = any(acting(effects, "actuator"))
+        if whole or window.stop - window.start < 2 * _SHORTEST:
             raise self._too_steep()
         middle = (window.start + window.stop) // 2
         return [slice(middle, window.stop), slice(window.start, middle)]

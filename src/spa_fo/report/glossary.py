@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from spa_fo.gap.diagnosis import Cause, Diagnosis
-from spa_fo.plant.effects.library import LIBRARY, Parameter
+from spa_fo.plant.effects.effect import Parameter
 from spa_fo.report.causes import named
-from spa_fo.report.effect_words import EFFECT_WORDS, parameter_words, phrase
-from spa_fo.report.parameter_words import PARAMETER_MEANS
+from spa_fo.report.effect_words import parameter_words, phrase, words_of
 
 _LEAST = 0.05  # probability from which the parameters of an explanation are listed
 HEAD = ("effect", "parameter", "value", "95 % interval", "unit", "typical size", "what it is")
@@ -75,13 +74,13 @@ def entries(cause: Cause) -> list[Entry]:
 def meanings(causes: Sequence[Cause]) -> Iterator[tuple[str, str]]:
     """Name every effect of some explanations once, and say what it does."""
     for effect in dict.fromkeys(name for cause in causes for name in cause.set):
-        yield phrase((effect,)), EFFECT_WORDS[effect].means
+        yield phrase((effect,)), words_of(effect).means
 
 
 def _entry(effect: str, name: str, fitted: Mapping[str, Any]) -> Entry:
     words, unit = parameter_words(effect, name)
     ci95 = fitted.get("ci95")
-    form = next((p for p in LIBRARY[effect].parameters if p.name == name), None)
+    form = next((p for p in words_of(effect).parameters if p.name == name), None)
     return Entry(
         effect=phrase((effect,)),
         name=words,
@@ -89,7 +88,7 @@ def _entry(effect: str, name: str, fitted: Mapping[str, Any]) -> Entry:
         interval="" if ci95 is None else " to ".join(number(end) for end in ci95),
         unit=unit,
         typical="about 1" if form is None else typical(form),
-        means=PARAMETER_MEANS.get(effect, {}).get(name, ""),
+        means=words_of(effect).meanings.get(name, ""),
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from spa_fo.plant.law import PLACES
 from spa_fo.report.causes import likelihood, percent
-from spa_fo.report.effect_words import EFFECT_WORDS, joined, phrase
+from spa_fo.report.effect_words import joined, phrase, words_of
 
 _MOST_SETS = 3  # that a sentence names
 
@@ -126,7 +126,7 @@ def _blamed(document: Mapping[str, Any]) -> str:
     if kind == "no_gap":
         return f": there is nothing to explain ({_how_sure(document, ['none'])})"
     if kind == "cause":
-        does = "; ".join(EFFECT_WORDS[each].means for each in sets[0][:_MOST_SETS])
+        does = "; ".join(words_of(each).means for each in sets[0][:_MOST_SETS])
         return f", because of {_together(sets[0])} ({_how_sure(document, sets[0])}): {does}"
     if kind == "ambiguous":
         first = f"{_together(sets[0])} ({_how_sure(document, sets[0])})"
@@ -148,7 +148,7 @@ def _following(document: Mapping[str, Any]) -> str:
     if kind == "no_gap":
         return f"Use the model as it is{f'; to look closer, {step}' if step else ''}."
     if kind == "cause":
-        return f"{closed}; what to do: {EFFECT_WORDS[sets[0][0]].remedy}."
+        return f"{closed}; what to do: {words_of(sets[0][0]).remedy}."
     return f"{closed}{f'; next, {step}' if step else ''}."
 
 

@@ -13,7 +13,7 @@ from spa_fo.report.causes import (
     plain_held_out,
     probability_of,
 )
-from spa_fo.report.effect_words import EFFECT_WORDS, MAP_WORDS, bin_words, joined, phrase
+from spa_fo.report.effect_words import MAP_WORDS, bin_words, joined, phrase, words_of
 from spa_fo.report.glossary import HEAD, entries, listed
 from spa_fo.report.share_maps import not_known, share_maps
 from spa_fo.report.verdict_words import judged
@@ -45,7 +45,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         return ["Use the model as it is.", *(f"To test it further: {line}" for line in written)]
     if diagnosis.kind == "cause":
         mended = [
-            _sentence(f"{phrase((effect,))}: {EFFECT_WORDS[effect].remedy}")
+            _sentence(f"{phrase((effect,))}: {words_of(effect).remedy}")
             for effect in diagnosis.sets[0]
         ]
         return [*mended, *(f"To confirm it: {line}" for line in written), _USE_MODEL]

@@ -27,7 +27,7 @@ from `src/spa_fo/gap/settings.py` by
 - **assumed**: set by hand; another value may do as well.
 
 What is plausible of each effect's parameters stands apart, in
-`src/spa_fo/plant/effects/library.py`; how finely things are computed stands beside the code that
+`src/spa_fo/plant/effects/`; how finely things are computed stands beside the code that
 does it.
 
 How many verdicts move when a number is halved or doubled is what {sweep} says.

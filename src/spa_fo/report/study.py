@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from spa_fo.report.effect_words import EFFECT_WORDS, phrase
+from spa_fo.report.effect_words import phrase, words_of
 from spa_fo.report.headline import first_step, opening, probability
 from spa_fo.report.html_page import html_of
 from spa_fo.report.published import PublishedMaterial, joint_provenance
@@ -123,5 +123,5 @@ def _next_step(document: Mapping[str, Any]) -> str:
     if kind == "no_gap":
         return "use the model as it is"
     if kind == "cause":
-        return EFFECT_WORDS[sets[0][0]].remedy
+        return words_of(sets[0][0]).remedy
     return first_step(document)

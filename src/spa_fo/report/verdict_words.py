@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.report.causes import percent, probability_of
-from spa_fo.report.effect_words import EFFECT_WORDS, STAGE_WORDS, joined, phrase
+from spa_fo.report.effect_words import STAGE_WORDS, joined, phrase, words_of
 
 
 def verdict(diagnosis: Diagnosis) -> str:
@@ -50,7 +50,7 @@ def _mostly(diagnosis: Diagnosis) -> str:
 
 def _one_cause(diagnosis: Diagnosis) -> str:
     ids = diagnosis.sets[0]
-    means = "; ".join(EFFECT_WORDS[each].means for each in ids)
+    means = "; ".join(words_of(each).means for each in ids)
     return (
         f"The cause is **{phrase(ids)}** ({means}), with a probability of "
         f"{percent(_probability(diagnosis, ids))}{_reached(diagnosis)}."

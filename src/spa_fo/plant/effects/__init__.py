@@ -1,5 +1,7 @@
-"""Unmodelled effects, a file a stage, in the order a command passes through them.
+"""Unmodelled effects, a file each: what it is, its parameters, its kernels, its words.
 
-``library`` says what each effect is called and what its parameters are; ``drive``, ``actuator``
-and ``sensor`` hold the kernels; `spa_fo.plant.chain` connects them.
+``library`` puts them in the order a command passes through them; ``drive``, ``actuator`` and
+``sensor`` are the stages that their kernels act in, and `spa_fo.plant.chain` connects these.
+``own`` takes in effects that a campaign or an installed package brings along, and ``contract``
+says what every effect has to keep.
 """

@@ -10,13 +10,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spa_fo._jit import njit
+from spa_fo.plant.effects.contact_stop import contact_moment
+from spa_fo.plant.effects.creep import crept
+from spa_fo.plant.effects.gravity_load import weight_moment
+from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import LIBRARY
-from spa_fo.plant.memory import LEVELS, STEPS_S, Complexes, Floats, mode_weights
-
-Integers = NDArray[np.int64]
+from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS, soften, virgin_moment
+from spa_fo.plant.effects.shared import CREEP_TIMES_S, Floats, Integers, creep_sizes
+from spa_fo.plant.effects.stiffening import stiffening_moment
+from spa_fo.plant.effects.thermal_drift import drifted_gain
+from spa_fo.plant.memory import LEVELS, STEPS_S, Complexes, mode_weights
 
 STIFFENING = LIBRARY["stiffening"].first
 GRAVITY_LOAD = LIBRARY["gravity_load"].first
@@ -26,11 +31,6 @@ CREEP = LIBRARY["creep"].first
 HYSTERESIS = LIBRARY["hysteresis"].first
 THERMAL_DRIFT = LIBRARY["thermal_drift"].first
 
-CREEP_TIMES_S = np.logspace(-1.0, 3.5, 10)  # two a decade
-_DECADE = 0.5  # of creep time that one element stands for
-STOPS = 4
-MULLINS_LEVELS = 9
-_REFERENCE = math.radians(60.0)
 _NEWTON = 6
 
 
@@ -102,6 +102,7 @@ def move(
     radii = np.ones(STOPS)
     if rubbing:
         radii = stop_radii(math.radians(e[HYSTERESIS + 1]), e[HYSTERESIS + 2])
+    stop_angle, stop_softness = math.radians(e[CONTACT_STOP]), math.radians(e[CONTACT_STOP + 2])
     creep_size = np.zeros(creep.size)
     if creeping:
         creep_size = creep_sizes(e[CREEP], e[CREEP + 1], e[CREEP + 2])
@@ -112,7 +113,7 @@ def move(
         k = level[i]
         u = load[i]
         if drifting:
-            u *= _drift(time_s[i] / 3600.0, e[THERMAL_DRIFT], e[THERMAL_DRIFT + 1])
+            u *= drifted_gain(time_s[i] / 3600.0, e[THERMAL_DRIFT], e[THERMAL_DRIFT + 1])
         free = 0.0
         for j in range(n):
             z = keep[k, j] * modes[j]
@@ -128,31 +129,25 @@ def move(
                 middle = 0.5 * (angle + new)
                 moment, slope = 0.0, 0.0
                 if stiff:
-                    ratio = abs(middle) / _REFERENCE
-                    part = e[STIFFENING] * ratio ** e[STIFFENING + 1]
-                    moment += part * middle
-                    slope += part * (1.0 + e[STIFFENING + 1])
+                    part, tangent = stiffening_moment(middle, e[STIFFENING], e[STIFFENING + 1])
+                    moment += part
+                    slope += tangent
                 if heavy:
-                    a, b = e[GRAVITY_LOAD], e[GRAVITY_LOAD + 1]
-                    moment += a * math.sin(middle) + b * (1.0 - math.cos(middle))
-                    slope += a * math.cos(middle) + b * math.sin(middle)
+                    part, tangent = weight_moment(middle, e[GRAVITY_LOAD], e[GRAVITY_LOAD + 1])
+                    moment += part
+                    slope += tangent
                 if stopped:
-                    beyond = middle - math.radians(e[CONTACT_STOP])
-                    if beyond > 0.0:
-                        soft = math.radians(e[CONTACT_STOP + 2])
-                        moment += e[CONTACT_STOP + 1] * beyond * beyond / (beyond + soft)
-                        slope += (
-                            e[CONTACT_STOP + 1]
-                            * beyond
-                            * (beyond + 2.0 * soft)
-                            / (beyond + soft) ** 2
-                        )
+                    part, tangent = contact_moment(
+                        middle - stop_angle, e[CONTACT_STOP + 1], stop_softness
+                    )
+                    moment += part
+                    slope += tangent
                 if mullins:
-                    part, tangent = _virgin_moment(middle, virgin, width, e[MULLINS_SOFTENING + 3])
+                    part, tangent = virgin_moment(middle, virgin, width, e[MULLINS_SOFTENING + 3])
                     moment += e[MULLINS_SOFTENING] * part
                     slope += e[MULLINS_SOFTENING] * tangent
                 if rubbing:
-                    part, tangent = _friction(middle - angle, stops, radii)
+                    part, tangent = friction(middle - angle, stops, radii)
                     moment += math.radians(e[HYSTERESIS]) * part
                     slope += math.radians(e[HYSTERESIS]) * tangent
                 v = u - moment / static
@@ -167,9 +162,9 @@ def move(
         modes[n] += pole_gain[k] * v
         new = free + direct[k] * v
         if rubbing:
-            _rub(new - angle, stops, radii)
+            rub(new - angle, stops, radii)
         if mullins:
-            _soften(
+            soften(
                 angle,
                 new,
                 STEPS_S[k],
@@ -181,95 +176,6 @@ def move(
         angle = new
         out[i] = angle
         if creeping:
-            for j in range(creep.size):
-                creep[j] += (1.0 - creep_keep[k, j]) * (creep_size[j] * static * u - creep[j])
-                out[i] += creep[j]
+            out[i] = crept(angle, creep, creep_keep[k], creep_size, static, u)
     stops[STOPS] = angle
     return out
-
-
-@njit
-def creep_sizes(per_decade: float, typical_s: float, decades: float) -> Floats:
-    """Share of the static value that each of the elements at `CREEP_TIMES_S` adds in the end."""
-    sizes = np.empty(CREEP_TIMES_S.size)
-    for j in range(sizes.size):
-        away = math.log10(CREEP_TIMES_S[j] / typical_s) / decades
-        sizes[j] = per_decade * _DECADE * math.exp(-0.5 * away * away)
-    return sizes
-
-
-@njit
-def _drift(hours: float, rate: float, fading: float) -> float:
-    """Gain after so many hours: 1 + rate·t at first, slowing as e^{-fading·t}."""
-    if abs(fading * hours) < 1e-6:
-        return 1.0 + rate * hours
-    return 1.0 - rate * math.expm1(-fading * hours) / fading
-
-
-@njit
-def _virgin_moment(angle: float, virgin: Floats, width: float, share: float) -> tuple[float, float]:
-    """Moment of what has not been softened yet, and its slope.
-
-    Chains of the levels that the angle has passed pull (`share` of it), and the whole bundle
-    stiffens the actuator as a whole (the rest). Levels are `width` (rad) apart.
-    """
-    whole = 0.0
-    local = 0.0
-    tangent = 0.0
-    for j in range(virgin.size):
-        whole += virgin[j]
-        part = min(max(angle - j * width, 0.0), width)
-        local += virgin[j] * part
-        if 0.0 < part < width:
-            tangent += virgin[j]
-    whole /= virgin.size
-    return share * local + (1.0 - share) * whole * angle, share * tangent + (1.0 - share) * whole
-
-
-@njit
-def _soften(
-    before: float,
-    after: float,
-    step: float,
-    virgin: Floats,
-    width: float,
-    loadings: float,
-    dwell: float,
-) -> None:
-    """Soften each level as far as it is passed upwards, and while the angle stays beyond it."""
-    for j in range(virgin.size):
-        beyond = min(max(after / width - j, 0.0), 1.0)
-        if beyond > 0.0:
-            newly = max(beyond - min(max(before / width - j, 0.0), 1.0), 0.0)
-            virgin[j] *= math.exp(-beyond * step / dwell - newly / loadings)
-
-
-@njit
-def stop_radii(turn: float, tail: float) -> Floats:
-    """Travel over which each stop yields: `turn` for the last, the others by a power law."""
-    radii = np.empty(STOPS)
-    for j in range(STOPS):
-        radii[j] = turn * ((j + 1.0) / STOPS) ** tail
-    return radii
-
-
-@njit
-def _friction(moved: float, stops: Floats, radii: Floats) -> tuple[float, float]:
-    """Mean stop of a Prandtl-Ishlinskii stack after moving further, -1 to 1; and its slope."""
-    total, slope = 0.0, 0.0
-    for j in range(STOPS):
-        state = stops[j] + moved / radii[j]
-        if state > 1.0:
-            state = 1.0
-        elif state < -1.0:
-            state = -1.0
-        else:
-            slope += 1.0 / radii[j]
-        total += state
-    return total / STOPS, slope / STOPS
-
-
-@njit
-def _rub(moved: float, stops: Floats, radii: Floats) -> None:
-    for j in range(STOPS):
-        stops[j] = min(max(stops[j] + moved / radii[j], -1.0), 1.0)

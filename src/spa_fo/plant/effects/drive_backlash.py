@@ -1,0 +1,50 @@
+"""Play in the pump: after a reversal of the command the pressure waits."""
+
+from __future__ import annotations
+
+from spa_fo._jit import njit
+from spa_fo.plant.effects.effect import Effect, amplitude, share
+from spa_fo.plant.effects.shared import Floats
+
+EFFECT = Effect(
+    id="drive_backlash",
+    stage="drive",
+    parameters=(
+        amplitude(
+            "play_kpa",
+            "kPa",
+            "change of the command without a change of the pressure",
+            spread=2.0,
+            high=30.0,
+            start=1.0,
+        ),
+        share(
+            "centre",
+            "where the play stands about the command: 0.5 is in the middle",
+            centre=0.5,
+        ),
+    ),
+    name="backlash of the drive",
+    means="after a reversal of the command the pressure waits",
+    remedy="take the play out of the pump's spindle, or approach every level from the same side",
+    shown_in=("release", "levels"),
+)
+
+
+@njit
+def follow_with_play(p: Floats, width: float, centre: float, play: Floats) -> None:
+    """Play operator: the pressure stays between command - width(1 - centre) and + width·centre.
+
+    `play` is the position, kPa, and whether there is any; carried on in place.
+    """
+    position = play[0]
+    for i in range(p.size):
+        position = min(max(position, p[i] - width * (1.0 - centre)), p[i] + width * centre)
+        p[i] = position
+    play[0] = position
+    play[1] = 1.0
+
+
+def resting_kpa(width: float, centre: float) -> float:
+    """Pressure that a pump with play leaves in the actuator after it was vented, kPa."""
+    return width * centre

@@ -1,0 +1,179 @@
+"""What an effect is: one object that says all that the project knows of it.
+
+Everything else asks these objects; only the stages' kernels and the writers of exports know an
+effect by its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Stage = Literal["drive", "actuator", "sensor", "acquisition"]
+STAGES: tuple[Stage, ...] = ("drive", "actuator", "sensor", "acquisition")
+Port = Literal["chain", "coefficients", "curve", "zeros", "line"]
+Filter = Literal["", "delay", "lag", "creep"]
+Shown = Literal["release", "levels", "hold", "order"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Attributes
+    ----------
+    name, unit : str
+        As written to model files.
+    centre, spread : float
+        What is plausible: a normal distribution, of the logarithm where `log`.
+    low, high : float
+        Bounds that physics sets.
+    log : bool
+        Whether the logarithm is searched: for times and shapes. Amplitudes are searched as they
+        are, zero being no effect.
+    starts : tuple of float
+        Where searches begin.
+    means : str
+        What it is, for the pages.
+    """
+
+    name: str
+    unit: str
+    centre: float
+    spread: float
+    low: float
+    high: float
+    log: bool = False
+    starts: tuple[float, ...] = ()
+    means: str = ""
+
+
+@dataclass(frozen=True)
+class Check:
+    """Something to do at the bench, and what it would tell."""
+
+    do: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect.
+
+    Attributes
+    ----------
+    id : str
+        As answers and model files have it.
+    stage : {"drive", "actuator", "sensor", "acquisition"}
+        What it belongs to.
+    parameters : tuple of Parameter
+        In the order of the vector of all parameters.
+    name, means, remedy : str
+        What people call it, what happens on the rig, and what to do about it there.
+    port : str
+        How an identification meets it: as parameters of the simulated chain, as other
+        coefficients, as an error of the sensor's curve, as every trial's zero, or as a spectral
+        line.
+    filter : str
+        Which linear filter it is, if it is one. The same filter at two places is one and the same
+        to whoever sees only what goes in and what comes out.
+    in_fixture : bool
+        Whether the calibration's dwells show it.
+    shown_in : tuple of str
+        Evidence that it shows in: a release, several levels, a hold, a mixed order of the trials.
+    check : Check, optional
+        What shows it, whatever else it may be.
+    equivalents : mapping
+        Effects that it is taken for, and what tells them apart.
+    neutral : mapping
+        Parameters with which it does nothing, where that is not zero amplitudes.
+    coefficients : mapping
+        What it makes of the coefficients, one by one, in words.
+    act : callable, optional
+        What it does to the series at its stage, where no kernel of the chain knows it
+        (`spa_fo.plant.effects.own`).
+    source : Path or str
+        The file that it comes from, for messages.
+    first : int
+        Where its parameters begin in the vector of all; the library's to say.
+    """
+
+    id: str
+    stage: Stage
+    parameters: tuple[Parameter, ...] = ()
+    name: str = ""
+    means: str = "an effect that was added to the library"
+    remedy: str = "keep it in the model"
+    port: Port = "chain"
+    filter: Filter = ""
+    in_fixture: bool = False
+    shown_in: tuple[Shown, ...] = ()
+    check: Check | None = None
+    equivalents: Mapping[str, Check] = field(default_factory=dict)
+    neutral: Mapping[str, float] = field(default_factory=dict)
+    coefficients: Mapping[str, str] = field(default_factory=dict)
+    act: Callable[..., Any] | None = None
+    source: Path | str = "library"
+    first: int = -1
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", self.id.replace("_", " "))
+
+    @property
+    def slots(self) -> slice:
+        """Its place in the vector of all parameters."""
+        return slice(self.first, self.first + len(self.parameters))
+
+    @property
+    def meanings(self) -> Mapping[str, str]:
+        """What its parameters are, by name."""
+        return {p.name: p.means for p in self.parameters} | dict(self.coefficients)
+
+
+def amplitude(
+    name: str,
+    unit: str,
+    means: str = "",
+    *,
+    spread: float,
+    high: float,
+    start: float,
+    low: float = 0.0,
+) -> Parameter:
+    """Make a parameter that is zero where there is no effect."""
+    return Parameter(name, unit, 0.0, spread, low, high, starts=(start,), means=means)
+
+
+def shape(
+    name: str,
+    unit: str,
+    means: str = "",
+    *,
+    centre: float,
+    factor: float,
+    low: float,
+    high: float,
+    starts: tuple[float, ...] = (),
+) -> Parameter:
+    """Make a positive parameter, such as a time, that is mostly within a factor of its centre."""
+    spread = float(np.log(factor))
+    return Parameter(name, unit, centre, spread, low, high, True, starts or (centre,), means)
+
+
+def share(
+    name: str, means: str = "", *, centre: float = 0.3, spread: float = 0.3, high: float = 1.0
+) -> Parameter:
+    """Make a parameter that is a part of something."""
+    return Parameter(name, "1", centre, spread, 0.0, high, starts=(centre,), means=means)
+
+
+def lateness(name: str, means: str = "") -> Parameter:
+    """Make a time by which something is late."""
+    return Parameter(name, "s", 0.0, 0.12, 0.0, 2.0, starts=(0.03, 0.12, 0.4), means=means)

@@ -1,0 +1,75 @@
+"""A loading and unloading loop that does not depend on the rate: friction in the wall."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spa_fo._jit import njit
+from spa_fo.plant.effects.effect import Effect, amplitude, shape
+from spa_fo.plant.effects.shared import Floats
+
+EFFECT = Effect(
+    id="hysteresis",
+    stage="actuator",
+    parameters=(
+        amplitude(
+            "moment_deg", "deg", "width of the loop, as an angle", spread=3.0, high=25.0, start=1.5
+        ),
+        shape(
+            "turn_deg",
+            "deg",
+            "travel after a reversal until the other branch is reached",
+            centre=25.0,
+            factor=1.8,
+            low=2.0,
+            high=160.0,
+        ),
+        shape(
+            "tail",
+            "1",
+            "how the travels of its elements are spread",
+            centre=1.4,
+            factor=1.5,
+            low=0.4,
+            high=4.0,
+        ),
+    ),
+    name="hysteresis of the actuator",
+    means="loading and unloading take different paths, and an angle remains after release",
+    remedy="keep it in the model, and approach every level from the same side where it matters",
+    shown_in=("release", "levels"),
+)
+
+STOPS = 4
+
+
+@njit
+def stop_radii(turn: float, tail: float) -> Floats:
+    """Travel over which each stop yields: `turn` for the last, the others by a power law."""
+    radii = np.empty(STOPS)
+    for j in range(STOPS):
+        radii[j] = turn * ((j + 1.0) / STOPS) ** tail
+    return radii
+
+
+@njit
+def friction(moved: float, stops: Floats, radii: Floats) -> tuple[float, float]:
+    """Mean stop of a Prandtl-Ishlinskii stack after moving further, -1 to 1; and its slope."""
+    total, slope = 0.0, 0.0
+    for j in range(STOPS):
+        state = stops[j] + moved / radii[j]
+        if state > 1.0:
+            state = 1.0
+        elif state < -1.0:
+            state = -1.0
+        else:
+            slope += 1.0 / radii[j]
+        total += state
+    return total / STOPS, slope / STOPS
+
+
+@njit
+def rub(moved: float, stops: Floats, radii: Floats) -> None:
+    """Move the stops on, in place."""
+    for j in range(STOPS):
+        stops[j] = min(max(stops[j] + moved / radii[j], -1.0), 1.0)

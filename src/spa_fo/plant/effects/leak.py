@@ -1,0 +1,47 @@
+"""Pressure is lost in proportion to itself while the command is held."""
+
+from __future__ import annotations
+
+from spa_fo._jit import njit
+from spa_fo.plant.effects.effect import Effect, amplitude
+from spa_fo.plant.effects.shared import Floats, Integers
+from spa_fo.plant.memory import FINEST_STEP_S
+
+EFFECT = Effect(
+    id="leak",
+    stage="drive",
+    parameters=(
+        amplitude(
+            "rate_per_s",
+            "1/s",
+            "share of the pressure that is lost in a second",
+            spread=0.01,
+            high=0.3,
+            start=0.004,
+        ),
+        amplitude(
+            "makeup_per_s",
+            "1/s",
+            "share of the loss that the supply makes good in a second",
+            spread=0.05,
+            high=2.0,
+            start=0.01,
+        ),
+    ),
+    name="leak",
+    means="pressure is lost while the command is held",
+    remedy="hold the pressure with the valves closed, find the fitting or seam that leaks and "
+    "seal it",
+    shown_in=("hold",),
+)
+
+
+@njit
+def lose(p: Floats, starts: Integers, rate: float, makeup: float) -> None:
+    """Lose pressure in proportion to itself; the supply makes good in proportion to the loss."""
+    for trial in range(starts.size - 1):
+        lost = 0.0
+        for i in range(starts[trial], starts[trial + 1]):
+            lost += FINEST_STEP_S * (rate * max(p[i] - lost, 0.0) - makeup * lost)
+            lost = min(lost, max(p[i], 0.0))
+            p[i] -= lost

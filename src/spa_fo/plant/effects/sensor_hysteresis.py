@@ -1,0 +1,69 @@
+"""The reading depends on the direction of bending."""
+
+from __future__ import annotations
+
+import math
+
+from spa_fo._jit import njit
+from spa_fo.plant.effects.effect import Check, Effect, amplitude, shape
+from spa_fo.plant.effects.shared import Floats
+
+EFFECT = Effect(
+    id="sensor_hysteresis",
+    stage="sensor",
+    parameters=(
+        amplitude("width_deg", "deg", "width of the loop", spread=2.0, high=20.0, start=1.0),
+        shape(
+            "turn_deg",
+            "deg",
+            "travel after a reversal until the other branch is reached",
+            centre=3.0,
+            factor=2.5,
+            low=0.3,
+            high=40.0,
+            starts=(2.0, 7.0),
+        ),
+        shape(
+            "exponent",
+            "1",
+            "shape of the way there: 1 is exponential",
+            centre=0.8,
+            factor=1.5,
+            low=0.3,
+            high=2.0,
+        ),
+    ),
+    name="hysteresis of the sensor",
+    means="the reading depends on the direction of bending",
+    remedy="calibrate up and down, and read angles after approaching them from below",
+    in_fixture=True,
+    shown_in=("release", "levels"),
+    equivalents={
+        "hysteresis": Check(
+            "calibrate again up and down in small steps", "a loop against a fixture is the sensor's"
+        )
+    },
+)
+
+
+@njit
+def lag_behind(y: Floats, width: float, turn: float, exponent: float, film: Floats) -> None:
+    """Duhem loop: the film lags by up to width/2, turning round over `turn` degrees.
+
+    What is left of the way r falls as dr/dθ = -r^exponent/turn: with 1 exponentially, with 1/2 as
+    a stack of plays of all widths does (Visintin 1994, doi:10.1007/978-3-662-11557-2).
+    """
+    state, before = film[0], film[1]
+    for i in range(y.size):
+        moved = y[i] - before
+        before = y[i]
+        target = 1.0 if moved > 0.0 else -1.0
+        left = 0.5 * abs(target - state)
+        if abs(1.0 - exponent) < 1e-3:
+            left *= math.exp(-abs(moved) / turn)
+        else:
+            power = left ** (1.0 - exponent) - (1.0 - exponent) * abs(moved) / turn
+            left = power ** (1.0 / (1.0 - exponent)) if power > 0.0 else 0.0
+        state = target * (1.0 - 2.0 * left)
+        y[i] -= 0.5 * width * state
+    film[0], film[1] = state, before

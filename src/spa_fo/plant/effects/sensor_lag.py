@@ -1,0 +1,44 @@
+"""The reading follows the angle with a low-pass."""
+
+from __future__ import annotations
+
+import math
+
+from spa_fo._jit import njit
+from spa_fo.plant.effects.effect import Check, Effect
+from spa_fo.plant.effects.shared import Floats, Integers, two_poles
+from spa_fo.plant.memory import STEPS_S
+
+EFFECT = Effect(
+    id="sensor_lag",
+    stage="sensor",
+    parameters=two_poles(),
+    name="lag of the sensor",
+    means="the reading follows the angle as through a low-pass",
+    remedy="take filtering out of the sensor's circuit; check against a video of one step",
+    filter="lag",
+    in_fixture=True,
+    equivalents={
+        "channel_latency": Check(
+            "log several times as fast and let the sensor snap back from a known angle",
+            "a delay keeps the edge, a lag rounds it",
+        )
+    },
+)
+
+
+@njit
+def follow(y: Floats, level: Integers, time_constant: float, state: Floats) -> None:
+    """First-order lag of an input that runs straight within a step; the first value is at rest."""
+    if time_constant < 1e-4:
+        return
+    now = state[0]
+    before = now if y.size == 0 else y[0]
+    for i in range(y.size):
+        x = STEPS_S[level[i]] / time_constant
+        keep = math.exp(-x)
+        mean = -math.expm1(-x) / x
+        now = keep * now + (1.0 - mean) * y[i] + (mean - keep) * before
+        before = y[i]
+        y[i] = now
+    state[0] = now

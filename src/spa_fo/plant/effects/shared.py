@@ -1,0 +1,80 @@
+"""What several effects share: a spectrum of creep, and two poles with one time constant."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo._jit import njit
+from spa_fo.plant.effects.effect import Parameter, amplitude, lateness, shape, share
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+CREEP_TIMES_S = np.logspace(-1.0, 3.5, 10)  # two a decade
+_DECADE = 0.5  # of creep time that one element stands for
+
+
+def spectrum() -> tuple[Parameter, ...]:
+    """Give a creep's spectrum: a bell over the logarithm of time, which bends with any of them.
+
+    Narrow it is a single element, broad a logarithmic law, broad and late a power law.
+    """
+    return (
+        amplitude(
+            "per_decade",
+            "1",
+            "growth in each tenfold of time, as a share of the angle",
+            spread=0.05,
+            high=0.5,
+            start=0.03,
+        ),
+        shape(
+            "typical_s",
+            "s",
+            "time about which most of it happens",
+            centre=12.0,
+            factor=4.0,
+            low=0.1,
+            high=3000.0,
+        ),
+        shape(
+            "decades",
+            "1",
+            "over how many tenfolds of time it spreads",
+            centre=1.0,
+            factor=1.8,
+            low=0.35,
+            high=5.0,
+        ),
+    )
+
+
+@njit
+def creep_sizes(per_decade: float, typical_s: float, decades: float) -> Floats:
+    """Share of the static value that each of the elements at `CREEP_TIMES_S` adds in the end."""
+    sizes = np.empty(CREEP_TIMES_S.size)
+    for j in range(sizes.size):
+        away = math.log10(CREEP_TIMES_S[j] / typical_s) / decades
+        sizes[j] = per_decade * _DECADE * math.exp(-0.5 * away * away)
+    return sizes
+
+
+def two_poles() -> tuple[Parameter, ...]:
+    """Give a lag of one pole or two."""
+    return (
+        lateness("time_constant_s", "time constants added up: how late a slow change comes"),
+        share(
+            "second_pole",
+            "part of it that a second, equal filter has: 0 is a single exponential",
+            high=0.5,
+        ),
+    )
+
+
+@njit
+def poles(time_constant: float, second: float) -> tuple[float, float]:
+    """Share a time constant out to two poles."""
+    return time_constant * (1.0 - second), time_constant * second

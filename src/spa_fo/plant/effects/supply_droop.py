@@ -1,0 +1,62 @@
+"""The supply sags at each rise and recovers while the command is held."""
+
+from __future__ import annotations
+
+import math
+
+from spa_fo._jit import njit
+from spa_fo.plant.effects.effect import Effect, amplitude, shape, share
+from spa_fo.plant.effects.shared import Floats, Integers
+from spa_fo.plant.memory import FINEST_STEP_S
+
+EFFECT = Effect(
+    id="supply_droop",
+    stage="drive",
+    parameters=(
+        amplitude(
+            "fraction",
+            "1",
+            "part of a rise of pressure that is missing at first",
+            spread=0.1,
+            high=0.6,
+            start=0.05,
+        ),
+        shape(
+            "recovery_s",
+            "s",
+            "time in which most of it comes back",
+            centre=2.0,
+            factor=2.5,
+            low=0.1,
+            high=60.0,
+        ),
+        share("slow_share", "part of it that comes back more slowly"),
+    ),
+    name="droop of the supply",
+    means="the supply sags at each rise and recovers while the command is held",
+    remedy="add a reservoir or a supply of more flow, and log the supply pressure",
+    shown_in=("hold",),
+)
+
+_SLOWER = 5.0  # the slow part of the recovery, against the fast one
+
+
+@njit
+def droop(p: Floats, starts: Integers, fraction: float, recovery: float, slow: float) -> None:
+    """Miss `fraction` of each rise, recovering by two exponentials."""
+    quick = math.exp(-FINEST_STEP_S / recovery)
+    lazy = math.exp(-FINEST_STEP_S / (_SLOWER * recovery))
+    for trial in range(starts.size - 1):
+        before = fast_missing = slow_missing = 0.0
+        for i in range(starts[trial], starts[trial + 1]):
+            rise = fraction * max(p[i] - before, 0.0)
+            before = p[i]
+            fast_missing = quick * fast_missing + (1.0 - slow) * rise
+            slow_missing = lazy * slow_missing + slow * rise
+            missing = fast_missing + slow_missing
+            if missing > 0.0 and missing > before:  # an empty chamber misses nothing
+                left = max(before, 0.0) / missing
+                fast_missing *= left
+                slow_missing *= left
+                missing *= left
+            p[i] = before - missing

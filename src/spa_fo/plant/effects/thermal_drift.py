@@ -1,0 +1,49 @@
+"""The gain drifts with campaign time and does not saturate within a few trials."""
+
+from __future__ import annotations
+
+import math
+
+from spa_fo._jit import njit
+from spa_fo.plant.effects.effect import Check, Effect, amplitude
+
+EFFECT = Effect(
+    id="thermal_drift",
+    stage="actuator",
+    parameters=(
+        amplitude(
+            "per_hour",
+            "1/h",
+            "change of the gain in the first hour",
+            spread=0.15,
+            high=0.9,
+            start=0.06,
+            low=-0.7,
+        ),
+        amplitude(
+            "fading_per_hour",
+            "1/h",
+            "how fast the change slows down",
+            spread=0.8,
+            high=3.0,
+            start=0.3,
+        ),
+    ),
+    name="thermal drift",
+    means="the gain drifts steadily with the time of day",
+    remedy="let rig and specimen warm up, log the temperature, and mix the order of the "
+    "experiments",
+    shown_in=("order",),
+    check=Check(
+        "repeat one step every quarter of an hour for some hours",
+        "a drift goes on with the clock, whatever the loads",
+    ),
+)
+
+
+@njit
+def drifted_gain(hours: float, rate: float, fading: float) -> float:
+    """Gain after so many hours: 1 + rate·t at first, slowing as e^{-fading·t}."""
+    if abs(fading * hours) < 1e-6:
+        return 1.0 + rate * hours
+    return 1.0 - rate * math.expm1(-fading * hours) / fading
