@@ -18,13 +18,7 @@ from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.report.causes import percent
 from spa_fo.report.diagnosis import document, verdict, write_report
-from spa_fo.report.diagnosis_figures import (
-    before_after_figure,
-    gap_figure,
-    has_stages,
-    ladder_figure,
-    stages_figure,
-)
+from spa_fo.report.diagnosis_figures import before_after_figure, gap_figure, ladder_figure
 from spa_fo.report.effect_words import parameter_words, phrase, words_of
 from spa_fo.report.experiments import rms
 from spa_fo.report.glossary import typical
@@ -32,6 +26,7 @@ from spa_fo.report.headline import headline, opening
 from spa_fo.report.interactive_page import interactive_page
 from spa_fo.report.law_figure import laws_figure
 from spa_fo.report.sections import step_line
+from spa_fo.report.stages_figure import has_stages, stages_figure
 
 PLAIN = Model("bench", "rubber", TransferFunction(1.4, 1.2, 0.8, 1.6, 0.9), 30.0)
 STAGES = {"drive": 0.1, "actuator": 0.83, "sensor": 0.07, "acquisition": 0.0}

@@ -16,7 +16,8 @@ import naive_rig
 from spa_fo.cli import main
 from spa_fo.errors import BadInput
 from spa_fo.rig.csv_log import read_csv_log
-from spa_fo.rig.inspect_log import Inspection, inspect_log, repeats_of, sampling_of, spark
+from spa_fo.rig.inspect_log import inspect_log, repeats_of, sampling_of
+from spa_fo.rig.inspection import Inspection, spark
 from spa_fo.rig.log_format import Column, LogFormat, log_format
 from spa_fo.validation import load_yaml, package_schema, validate
 

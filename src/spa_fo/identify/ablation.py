@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from spa_fo.fractional import ResponseMap, step_map
 from spa_fo.identify.bounds import Bounds
+from spa_fo.identify.fit_campaign import campaign_steps
 from spa_fo.identify.moderate import moderate_optimum
 from spa_fo.identify.noise import trial_noise
 from spa_fo.identify.polish import Draws, Optimum, fit_many, fit_optimum
 from spa_fo.identify.protocol import StepData
-from spa_fo.identify.result import campaign_steps
 from spa_fo.plant.estimates import QUANTITIES
 from spa_fo.plant.paper import DATASETS, POINTS, TRIALS
 from spa_fo.plant.transfer_function import PARAMETERS

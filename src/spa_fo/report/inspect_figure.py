@@ -19,7 +19,7 @@ from spa_fo.report.style import (
     save_figure,
     styled,
 )
-from spa_fo.rig.inspect_log import PAUSE, Inspection
+from spa_fo.rig.inspection import PAUSE, Inspection
 
 
 def write_inspect_figure(inspection: Inspection, stem: Path | str) -> tuple[Path, Path]:
