@@ -170,7 +170,7 @@ def test_a_model_of_another_reference_pressure_is_the_same_model(
         tmp_path / "model.json", transfer_function=transfer_function, input=reference
     )
     assert main(command(steps, model, tmp_path / "out")) == 0
-    assert capsys.readouterr().out.startswith("No gap: ")
+    assert capsys.readouterr().out.startswith("No gap above the noise floor.")
 
 
 def test_a_misspelt_effect(
