@@ -27,7 +27,7 @@ from spa_fo.rig.board_link import BoardInfo, BoardLink, PortLost
 from spa_fo.rig.campaign_files import Setup
 from spa_fo.rig.command_profile import plateaus, triangle
 from spa_fo.rig.live_stream import LiveStream, Row
-from spa_fo.rig.record_command import Series, record_series
+from spa_fo.rig.record_series import Series, record_series
 from spa_fo.rig.recorder import record_trial
 from spa_fo.rig.recording import RecordingFolder
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log, read_spa_rig_log

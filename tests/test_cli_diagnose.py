@@ -81,7 +81,7 @@ def test_no_gap_is_an_answer(
     assert main(command(steps, truth, out)) == 0
     captured = capsys.readouterr()
     answer, _, page = captured.out.splitlines()
-    assert answer == "No gap: the model stands as it is."
+    assert answer == "No gap above the noise floor."
     assert Path(page) == out / "diagnosis.html"
     for said in ("explaining ", "weighing ", "predicting trials that took no part"):
         assert f"\n{said}" in f"\n{captured.err}"
@@ -170,7 +170,7 @@ def test_a_model_of_another_reference_pressure_is_the_same_model(
         tmp_path / "model.json", transfer_function=transfer_function, input=reference
     )
     assert main(command(steps, model, tmp_path / "out")) == 0
-    assert capsys.readouterr().out.startswith("No gap: ")
+    assert capsys.readouterr().out.startswith("No gap above the noise floor.")
 
 
 def test_a_misspelt_effect(

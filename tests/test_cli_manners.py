@@ -262,8 +262,12 @@ def test_ctrl_c_in_process(
 ) -> None:
     from spa_fo.api import Campaign
 
+    def interrupted_fit(*_: object, **__: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(10.0)  # Python handles a signal between two of its own steps
+
     handler = signal.getsignal(signal.SIGINT)
-    monkeypatch.setattr(Campaign, "fit", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr(Campaign, "fit", interrupted_fit)
     with pytest.raises(SystemExit) as left:
         main(["fit", str(steps), "--out", str(tmp_path / "m.json")])
     assert left.value.code == 130

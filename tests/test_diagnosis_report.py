@@ -18,13 +18,7 @@ from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.report.causes import percent
 from spa_fo.report.diagnosis import document, verdict, write_report
-from spa_fo.report.diagnosis_figures import (
-    before_after_figure,
-    gap_figure,
-    has_stages,
-    ladder_figure,
-    stages_figure,
-)
+from spa_fo.report.diagnosis_figures import before_after_figure, gap_figure, ladder_figure
 from spa_fo.report.effect_words import parameter_words, phrase, words_of
 from spa_fo.report.experiments import rms
 from spa_fo.report.glossary import typical
@@ -32,6 +26,7 @@ from spa_fo.report.headline import headline, opening
 from spa_fo.report.interactive_page import interactive_page
 from spa_fo.report.law_figure import laws_figure
 from spa_fo.report.sections import step_line
+from spa_fo.report.stages_figure import has_stages, stages_figure
 
 PLAIN = Model("bench", "rubber", TransferFunction(1.4, 1.2, 0.8, 1.6, 0.9), 30.0)
 STAGES = {"drive": 0.1, "actuator": 0.83, "sensor": 0.07, "acquisition": 0.0}
@@ -225,7 +220,7 @@ def test_a_cause_is_named_with_its_stage_probability_and_shrink() -> None:
 
 def test_a_gap_below_the_scatter_is_said_to_repeat() -> None:
     text = verdict(diagnosis(gap=Gap(0.86, 1.63, True, 0.03)))
-    assert "by 0.86° in the same way every time, though repeated trials differ by 1.63°" in text
+    assert "is 0.86°, the same in every trial, though repeated trials differ by 1.63°" in text
 
 
 def test_no_gap_blames_nothing() -> None:
@@ -255,7 +250,7 @@ def test_a_step_says_whether_an_effect_has_a_part(turned: int) -> None:
     apart = (("leak",), ("leak", "creep"))[::turned]
     line = step_line(Step("weigh it", "it may be heavy", apart))
     assert line == (
-        "**Weigh it**: it may be heavy. It tells whether creep of the material has a part in it."
+        "**Weigh it**: it may be heavy. It tells whether creep of the material contributes."
     )
 
 
@@ -329,15 +324,15 @@ def test_the_shrink_stands_beside_refit_ceiling_and_floor() -> None:
     table = rows(sections(document(diagnosis()))["How far it shrinks"])
     found = {name: cells[0] for name, cells in table.items()}
     assert found["plain model"] == "2.10"
-    assert found["refit only"] == "1.70"
-    assert found["with the explanation"] == "0.62"
-    assert found["free-form correction (no physics)"] == "0.58"
+    assert found["plain model, refitted"] == "1.70"
+    assert found["augmented model"] == "0.62"
+    assert found["refitted model plus mean residual (no physics)"] == "0.58"
     assert found["noise floor"] == "0.50"
 
 
 def test_without_a_ceiling_it_is_not_listed() -> None:
     page = document(diagnosis(shrink=replace(SHRINK, ceiling_rmse_deg=None)))
-    assert "free-form correction" not in page
+    assert "refitted + mean residual" not in page
 
 
 def test_where_lists_the_largest_shares_first() -> None:
@@ -376,8 +371,8 @@ def test_the_page_says_what_the_data_are_and_what_was_withheld() -> None:
 
 def test_evidence_findings_and_baselines_are_told() -> None:
     page = sections(document(replace(NO_GAP, offers=("4 trials: step, hold",))))
-    assert "- 4 trials: step, hold." in page["What the evidence is"]
-    assert "It lacks a long hold and measured pressure." in page["What the evidence is"]
+    assert "- 4 trials: step, hold." in page["Evidence"]
+    assert "It lacks a long hold and measured pressure." in page["Evidence"]
     assert "- Nothing else stands out." in page["Findings"]
     assert "smallest BIC: gravity; commonest effect: no effect." in page["Findings"]
 
@@ -434,7 +429,7 @@ def test_the_held_out_trial_is_shown_and_marked() -> None:
     assert labels_of(figure) == [
         "measured",
         "plain model",
-        "refit only",
+        "plain model, refitted",
         "augmented model",
         "noise floor",
     ]
@@ -503,11 +498,11 @@ def test_the_ladder_has_a_rung_for_everything_that_was_tried() -> None:
     }
     assert rungs == {
         "plain model": 2.1,
-        "refit only": 1.7,
+        "plain model, refitted": 1.7,
         "creep of the material": 0.62,
         "pneumatic lag of the line + slip of the sensor": 0.81,
         "a cause that the library lacks": 0.0,
-        "free-form correction": 0.58,
+        "refitted + mean residual": 0.58,
     }
     assert [bar.get_width() for bar in probability.patches] == [0.05, 0.83, 0.1, 0.02]
     assert "0.50°" in error.get_xlabel()
@@ -528,7 +523,7 @@ def test_the_plain_model_stands_on_the_ladder_with_the_error_of_its_own_rung() -
     causes = (replace(CREEP, probability=0.1), none, replace(UNKNOWN, probability=0.9))
     error, _ = ladder_figure(diagnosis(kind="unknown", causes=causes)).axes
     labels = [label.get_text() for label in error.get_yticklabels()]
-    assert {"refit only", "free-form correction"} <= set(labels)
+    assert {"plain model, refitted", "refitted + mean residual"} <= set(labels)
     assert error.patches[labels.index("plain model")].get_width() == 1.9
 
 

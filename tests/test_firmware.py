@@ -1,4 +1,4 @@
-"""The firmware on a simulated ATmega2560: the protocol, the pace of its samples, and its safety."""
+"""The firmware on a simulated ATmega2560: the protocol, the rate of its samples, and its safety."""
 
 from __future__ import annotations
 
@@ -64,14 +64,14 @@ def test_a_trial_at_the_default_rate() -> None:
 
 
 @pytest.mark.parametrize("rate", [1, 3, 7, 50, 333, 875, 999, 1000])
-def test_the_pace_of_the_samples(rate: int) -> None:
+def test_the_rate_of_the_samples(rate: int) -> None:
     end = 8000 if rate < 10 else 2500
     run = play([(50, f"run {rate}"), (end, "stop")], end + 50)
     log = read(run)
     t_us = np.array([int(row[1]) for row in run.rows])
     assert log.seq.tolist() == list(range(len(t_us)))
     assert len(t_us) == pytest.approx((end - 52) / 1000 * rate, abs=1.01)
-    # The interrupt's lateness jitters, the samples' pace does not drift.
+    # The interrupt's lateness jitters, the sampling rate does not drift.
     grid = t_us[0] + np.arange(t_us.size) * 1e6 / rate
     assert np.abs(t_us - grid).max() < 12.0
 
@@ -324,7 +324,7 @@ def test_no_loss_at_1_khz() -> None:
     assert len(log.seq) == pytest.approx(1000 * seconds, abs=5)
 
 
-def assert_whole_lines_in_pace(run: Run) -> None:
+def assert_whole_lines_at_the_rate(run: Run) -> None:
     """Every data line is whole, and at 1 kHz its clock agrees with its seq."""
     parser = LineParser(("seq", "t_us", "cmd_kpa", "p_adc", "flex_adc"))
     data = [line for line in run.lines if not line.startswith("#")]
@@ -338,17 +338,17 @@ def test_a_flood_of_commands_costs_commands_and_no_samples() -> None:
     flood = [(ms, 3 * command("nonsense " + 20 * "x")) for ms in range(500, 1500, 2)]
     # A byte that is lost joins two lines: the empty one before it keeps `stop` whole.
     run = play([(100, "run 1000"), *flood, (1990, b"\n"), (2000, "stop")], 2100)
-    assert_whole_lines_in_pace(run)
+    assert_whole_lines_at_the_rate(run)
     assert len(run.rows) == 1898
     assert run.comments[-1] == "# stopped samples=1898"
     assert 100 < run.comments.count("# damaged command") < 1500
 
 
-def test_a_slow_wire_costs_whole_lines_and_no_pace() -> None:
+def test_a_slow_wire_costs_whole_lines_and_no_rate() -> None:
     run = play(
         [(100, "run 1000"), (1500, "stop")], 1700, defines="-DBAUD=125000UL"
     )  # carries 12.5 of the 25 kB/s
-    assert_whole_lines_in_pace(run)
+    assert_whole_lines_at_the_rate(run)
     assert 400 < len(run.rows) < 1000
     assert run.comments[-1] == "# stopped samples=1398"
     assert read(run).report.gaps > 100

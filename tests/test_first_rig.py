@@ -18,7 +18,7 @@ from blind.first_rig.case import Case
 from blind.first_rig.logs import draw_board_format
 from blind.first_rig.noise import exponential, one_over_f, reading_noise
 from blind.first_rig.programme import LOG_S, Programme, draw_programme, draw_top_deg
-from blind.first_rig.sizing import at_pace, exact_angles, noise_floor_deg, rms, solve, with_core
+from blind.first_rig.sizing import at_rate, exact_angles, noise_floor_deg, rms, solve, with_core
 from blind.first_rig.station import held
 from blind_documents import document, read
 from spa_fo.errors import BadInput
@@ -301,14 +301,14 @@ def test_scatter_is_as_asked(tmp_path):
     found = []
     for seed in range(3):
         bare = case(seed=seed, scatter=NO_SCATTER, **same)
-        faster = with_core(bare.bare, at_pace(bare.core, 1.01))
+        faster = with_core(bare.bare, at_rate(bare.core, 1.01))
         base = exact_angles(bare.bare, bare.plan)
-        by_pace = (exact_angles(faster, bare.plan) - base) / 0.01
+        by_rate = (exact_angles(faster, bare.plan) - base) / 0.01
         data = campaign(document(seed=seed, scatter=scatter, **same), tmp_path)
         trials = sorted(data.trials, key=lambda trial: trial.order)
         at = np.cumsum([0, *(trial.t_s.size for trial in trials)])
         for trial, i, j in zip(trials, at, at[1:], strict=False):
-            shapes = np.stack([base[i:j], by_pace[i:j], np.ones(j - i)], axis=1)
+            shapes = np.stack([base[i:j], by_rate[i:j], np.ones(j - i)], axis=1)
             solved, rest, _, _ = np.linalg.lstsq(shapes, trial.angle_deg - base[i:j], rcond=None)
             found.append(solved)
             assert np.sqrt(rest[0] / (j - i)) < 0.15

@@ -132,11 +132,11 @@ def test_the_gap_is_put_at_its_amplitude_and_direction(steps: Evidence) -> None:
     ),
     st.floats(0.5, 2.0),
 )
-def test_a_faster_actuator_answers_sooner(drawn: tuple[float, ...], pace: float) -> None:
+def test_a_faster_actuator_answers_sooner(drawn: tuple[float, ...], rate_factor: float) -> None:
     x = np.array(drawn)
     t = np.linspace(0.1, 8.0, 20)
-    fast = step_response(t, *paced(x, pace))
-    assert fast == pytest.approx(step_response(pace * t, *x), rel=1e-6, abs=1e-9)
+    fast = step_response(t, *paced(x, rate_factor))
+    assert fast == pytest.approx(step_response(rate_factor * t, *x), rel=1e-6, abs=1e-9)
     assert to_x(to_z(x)) == pytest.approx(x)
 
 

@@ -26,8 +26,8 @@ def rise_s(x: NDArray[np.float64]) -> float:
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.4, 8.0), st.floats(0.2, 5.0))
-def test_an_actuator_of_the_papers_kind_is_itself(pace: float, gain: float) -> None:
-    x = paced(USUAL, pace)
+def test_an_actuator_of_the_papers_kind_is_itself(rate_factor: float, gain: float) -> None:
+    x = paced(USUAL, rate_factor)
     x[4] *= gain
     np.testing.assert_allclose(typical(x, HORIZON_S), x, rtol=0.06)
 

@@ -62,7 +62,7 @@ def test_the_opening_is_two_sentences_without_names_of_the_program(each: Diagnos
 def test_the_opening_says_what_is_wrong_how_sure_and_what_it_brings() -> None:
     wrong, following = opening(diagnosis().to_dict())
     assert wrong == (
-        "The model is off by 2.14° (RMS), 4.3 times what repeated trials differ by (0.50°), "
+        "The RMS error of the model is 2.14°, 4.3 times what repeated trials differ by (0.50°), "
         "because of creep of the material (likely, 83 %): the angle keeps growing slowly under "
         "held load and comes back at rest."
     )
@@ -80,14 +80,14 @@ def test_the_opening_of_an_open_question_names_the_next_step() -> None:
 def test_a_floor_without_repeats_is_not_said_to_be_of_repeats() -> None:
     alone = replace(UNEXPLAINED, gap=replace(UNEXPLAINED.gap, repeats=False))
     assert "what repeated trials would be expected to differ by" in opening(alone.to_dict())[0]
-    assert "would be expected to differ by 0.50° among themselves" in verdict(alone)
+    assert "would be expected to differ by 0.50°" in verdict(alone)
     assert "what repeated trials differ by" in opening(UNEXPLAINED.to_dict())[0]
-    assert "differ by 0.50° among themselves" in verdict(UNEXPLAINED)
+    assert "differ by 0.50°" in verdict(UNEXPLAINED)
 
 
 def test_a_gap_below_the_scatter_is_said_to_come_every_time() -> None:
     wrong, _ = opening(diagnosis(gap=Gap(0.86, 1.63, True, 0.03)).to_dict())
-    assert "0.86° (RMS) in the same way every time, though repeated trials differ by 1.63°" in wrong
+    assert "0.86°, the same in every trial, though repeated trials differ by 1.63°" in wrong
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_a_figure_holds_the_curves_of_the_trial_that_is_shown() -> None:
     ):
         assert np.asarray(curve(figure, name).y) == pytest.approx(values[own], rel=1e-6)
     missed = given.traces.measured_deg - given.traces.plain_deg
-    shown = np.asarray(curve(figure, "missed by the plain model").y)
+    shown = np.asarray(curve(figure, "residual of the plain model").y)
     assert shown == pytest.approx(missed[own], abs=1e-5)
     (band,) = figure.layout.shapes
     assert (band.y0, band.y1) == (-0.5, 0.5)
@@ -138,7 +138,7 @@ def test_without_an_explanation_only_the_plain_model_is_drawn() -> None:
 def test_thinned_traces_keep_their_spikes_and_their_ends() -> None:
     long = diagnosis(traces=long_traces(1, 5000))
     figure = figure_of(long, worst(long.traces), points=100)
-    missed = curve(figure, "missed by the plain model")
+    missed = curve(figure, "residual of the plain model")
     assert len(missed.x) <= 100
     assert max(missed.y) == pytest.approx(10.0, abs=1e-4)
     assert (missed.x[0], missed.x[-1]) == (0.0, 60.0)

@@ -24,7 +24,6 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.bench_noise import TYPICAL
 from spa_fo.gap.diagnosis import Cause
 from spa_fo.gap.evidence import collect, curve_columns
-from spa_fo.gap.foresight import _SPREAD, Bench, Foresight
 from spa_fo.gap.next_steps import next_steps
 from spa_fo.gap.plan import SEPARABLE, advise, plan, plan_few, recommendation, runs, table
 from spa_fo.gap.profiles import (
@@ -41,6 +40,7 @@ from spa_fo.gap.profiles import (
 from spa_fo.gap.remedies import remedies, twins
 from spa_fo.gap.rivals import Rival, Standing, read_standing, rival
 from spa_fo.gap.searched import paced, to_x, to_z
+from spa_fo.gap.separation import _SPREAD, Bench, PairwiseSeparation
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
 from spa_fo.plant.chain import chain_for
@@ -73,7 +73,7 @@ def one(*ids: str, **changes: dict[str, float]) -> Rival:
 def fitted(other: Rival, truth: Rival, where: Bench) -> Rival:
     """The rival as a diagnosis would find it: identified on the campaign that the truth makes."""
     for _ in range(5):
-        other = Foresight(where, [truth, other]).refitted(1, 0)
+        other = PairwiseSeparation(where, [truth, other]).refitted(1, 0)
     return other
 
 
@@ -223,46 +223,46 @@ def test_separations_are_what_a_general_solver_finds() -> None:
     where = Bench(past, KPA, FLOOR_DEG, FLOOR_KPA, False, CURVE_DEG, None)
     dead = fitted(dead, lag, where)
     # Named as if it held the delay as well, the lag is never the one that is refitted.
-    foresight = Foresight(where, [dead, replace(lag, ids=("dead_time", "line_lag"))])
+    pairwise = PairwiseSeparation(where, [dead, replace(lag, ids=("dead_time", "line_lag"))])
     before = slow_cost(past, dead, lag)
     expected = np.sqrt(before * 0.5 / seconds(past).sum())
-    assert foresight.now([(0, 1)])[0].seen == pytest.approx(expected, rel=0.01)
+    assert pairwise.now([(0, 1)])[0].seen == pytest.approx(expected, rel=0.01)
 
     (later,) = trials(STEP.sampled()[1], first_order=3, first_s=past.ends_s + 120.0)
     both = campaign_grid([*own, later], longest=2)
     lasts = seconds(both)[both.sample_trial == 2].sum()
     expected = np.sqrt((slow_cost(both, dead, lag) - before) * 0.5 / lasts)
     # The slopes are those of the start: the minimum is higher than it could be, by up to an eighth.
-    found = foresight.after(STEP, [(0, 1)])[0].seen
+    found = pairwise.after(STEP, [(0, 1)])[0].seen
     assert expected < found < 1.125 * expected
 
 
 @pytest.mark.parametrize("ids", [("creep",), ("leak", "hysteresis"), ()])
 def test_an_explanation_is_not_separated_from_itself(ids: tuple[str, ...]) -> None:
-    foresight = Foresight(UP_STEPS, [one(*ids), one(*ids)])
-    assert foresight.now([(0, 1)])[0].seen < 1e-6
-    assert foresight.after(STEP, [(0, 1)])[0].seen < 1e-6
+    pairwise = PairwiseSeparation(UP_STEPS, [one(*ids), one(*ids)])
+    assert pairwise.now([(0, 1)])[0].seen < 1e-6
+    assert pairwise.after(STEP, [(0, 1)])[0].seen < 1e-6
 
 
 def test_other_coefficients_alone_separate_nothing() -> None:
     plain = one()
     shifted = replace(plain, x=X * [1.01, 0.99, 1.1, 0.95, 1.05])
-    foresight = Foresight(UP_STEPS, [plain, shifted])
+    pairwise = PairwiseSeparation(UP_STEPS, [plain, shifted])
     # The prior holds them a little.
-    assert foresight.now([(0, 1)])[0].seen < 0.1
-    assert foresight.after(STEP, [(0, 1)])[0].seen < 0.03
+    assert pairwise.now([(0, 1)])[0].seen < 0.1
+    assert pairwise.after(STEP, [(0, 1)])[0].seen < 0.03
 
 
 def test_order_of_a_pair_does_not_matter() -> None:
-    foresight = Foresight(UP_STEPS, [one("hysteresis"), one("stiffening")])
-    there, back = foresight.after(STEP, [(0, 1), (1, 0)])
+    pairwise = PairwiseSeparation(UP_STEPS, [one("hysteresis"), one("stiffening")])
+    there, back = pairwise.after(STEP, [(0, 1), (1, 0)])
     assert there == back
 
 
 def test_a_smaller_floor_separates_better() -> None:
     pair = [one("hysteresis"), one("stiffening")]
-    loud = Foresight(UP_STEPS, pair).after(STEP, [(0, 1)])[0].seen
-    quiet = Foresight(replace(UP_STEPS, floor_deg=0.2), pair).after(STEP, [(0, 1)])[0].seen
+    loud = PairwiseSeparation(UP_STEPS, pair).after(STEP, [(0, 1)])[0].seen
+    quiet = PairwiseSeparation(replace(UP_STEPS, floor_deg=0.2), pair).after(STEP, [(0, 1)])[0].seen
     assert 1.3 * loud < quiet < 2.0 * loud
 
 
@@ -271,7 +271,7 @@ def test_a_larger_effect_on_top_is_found_wanting_without_it() -> None:
     scores = []
     for moment in (1.0, 4.0):
         both = one("stiffening", "hysteresis", hysteresis={"moment_deg": moment})
-        scores.append(Foresight(UP_STEPS, [small, both]).after(STEP, [(0, 1)])[0].seen)
+        scores.append(PairwiseSeparation(UP_STEPS, [small, both]).after(STEP, [(0, 1)])[0].seen)
     assert scores[1] > 2.0 * scores[0] > 0.0
 
 
@@ -280,8 +280,8 @@ def test_the_specimen_remembers_the_campaign() -> None:
     soft = one("mullins_softening", mullins_softening={"loadings": 0.3, "dwell_s": 2.0})
     pair = [one(), soft]
     cycles = Profile("cycles", "", *_square(55.0, 5))
-    used = Foresight(bench(*[up_step(60.0)] * 5), pair).after(cycles, [(0, 1)])[0].seen
-    fresh = Foresight(bench(up_step(3.0)), pair).after(cycles, [(0, 1)])[0].seen
+    used = PairwiseSeparation(bench(*[up_step(60.0)] * 5), pair).after(cycles, [(0, 1)])[0].seen
+    fresh = PairwiseSeparation(bench(up_step(3.0)), pair).after(cycles, [(0, 1)])[0].seen
     assert fresh > 2.0 * used
 
 

@@ -113,7 +113,7 @@ def test_the_front_page_answers_with_the_numbers_of_this_run(finished: Path, rep
     for material in REDUCED["materials"]:
         results = finished / "results" / material
         gap = json.loads((results / "diagnosis" / "diagnosis.json").read_text())["gap"]
-        assert f"misses the campaign by {gap['rmse_deg']:.2f}°" in front
+        assert f"RMS error of the model is {gap['rmse_deg']:.2f}°" in front
         for error in json.loads((results / "fit.json").read_text())["errors"]:
             assert f"{error['experiment']} {error['rms_deg']:.2f}°" in front
     audit = (finished / "results" / "tables" / "audit.csv").read_text().splitlines()

@@ -16,7 +16,8 @@ import naive_rig
 from spa_fo.cli import main
 from spa_fo.errors import BadInput
 from spa_fo.rig.csv_log import read_csv_log
-from spa_fo.rig.inspect_log import Inspection, inspect_log, pace_of, repeats_of, spark
+from spa_fo.rig.inspect_log import inspect_log, repeats_of, sampling_of
+from spa_fo.rig.inspection import Inspection, spark
 from spa_fo.rig.log_format import Column, LogFormat, log_format
 from spa_fo.validation import load_yaml, package_schema, validate
 
@@ -147,7 +148,7 @@ def test_logs_at_their_worst(shared_data: Path, file: str) -> None:
         return
     inspection = inspect_log(path)
     places = {role: item.column for role, item in (inspection.log.columns or {}).items()}
-    assert (places, inspection.pace.rows) == expected
+    assert (places, inspection.sampling.rows) == expected
 
 
 def test_every_quirk_has_an_expectation(shared_data: Path) -> None:
@@ -181,13 +182,13 @@ def test_names_with_units_and_a_row_of_units(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("factor", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us")], ids=["s", "ms", "us"]
 )
-def test_the_clocks_unit_from_its_pace(tmp_path: Path, factor: float, unit: str) -> None:
+def test_the_clocks_unit_from_its_sampling(tmp_path: Path, factor: float, unit: str) -> None:
     s = signals()
     clock = np.round(s["t"] * factor, 0 if factor > 1 else 4)
     found = round_trip(write(tmp_path / "log.csv", [clock, s["angle"], s["command"]]), tmp_path)
     assert found.log.columns is not None
     assert found.log.columns["time"] == Column(1, unit)
-    assert found.pace.rate_hz == pytest.approx(50.0, rel=0.1)
+    assert found.sampling.rate_hz == pytest.approx(50.0, rel=0.1)
 
 
 def test_a_counter_of_rows_is_not_the_clock(tmp_path: Path) -> None:
@@ -219,7 +220,7 @@ def test_names_that_cannot_be_trusted_give_way_to_indices(tmp_path: Path) -> Non
         found = round_trip(write(tmp_path / "log.csv", columns, head=head), tmp_path)
         assert found.log.columns is not None
         assert {item.column for item in found.log.columns.values()} == {1, 2, 3}, head
-        assert found.pace.rows == ROWS
+        assert found.sampling.rows == ROWS
     twice = write(tmp_path / "log.csv", columns, head="t,command,angle,angle\n")
     found = round_trip(twice, tmp_path)
     assert found.log.columns is not None
@@ -230,7 +231,7 @@ def test_a_header_behind_a_hash(tmp_path: Path) -> None:
     s = signals()
     path = write(tmp_path / "log.csv", [s["t"], s["command"], s["angle"]], head="# t,cmd,angle\n")
     found = round_trip(path, tmp_path)
-    assert found.pace.rows == ROWS
+    assert found.sampling.rows == ROWS
     assert found.log.columns is not None
     assert found.log.columns["angle"].column == "angle"
 
@@ -245,16 +246,16 @@ def test_names_that_yaml_would_read_as_something_else(tmp_path: Path) -> None:
     assert found.log.columns["angle"].column == "angle # tip °"
 
 
-def test_the_pace(tmp_path: Path) -> None:
+def test_the_sampling(tmp_path: Path) -> None:
     t_s = 0.02 * np.arange(100.0)
     t_s[60:] += 1.0
-    pace = pace_of(t_s)
-    assert pace.rate_hz == pytest.approx(50.0)
-    assert pace.pauses == 1
-    assert pace.longest_s == pytest.approx(1.02)
-    assert pace.longest_at_s == pytest.approx(0.02 * 59)
-    assert pace.jitter_s == pytest.approx(0.0, abs=1e-9)
-    jittered = pace_of(0.02 * np.arange(1000.0) + np.tile([0.0, 0.004], 500))
+    sampling = sampling_of(t_s)
+    assert sampling.rate_hz == pytest.approx(50.0)
+    assert sampling.pauses == 1
+    assert sampling.longest_s == pytest.approx(1.02)
+    assert sampling.longest_at_s == pytest.approx(0.02 * 59)
+    assert sampling.jitter_s == pytest.approx(0.0, abs=1e-9)
+    jittered = sampling_of(0.02 * np.arange(1000.0) + np.tile([0.0, 0.004], 500))
     assert jittered.jitter_s == pytest.approx(0.004, rel=1e-2)
     assert jittered.early_s == pytest.approx(0.016)
     assert jittered.late_s == pytest.approx(0.024)
@@ -334,8 +335,8 @@ def test_a_spa_rig_log_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert out.endswith("log: {format: spa-rig}\n")
     assert stem.with_suffix(".png").stat().st_size > 1000
     inspection = inspect_log(path)
-    assert inspection.pace.rows == 200
-    assert inspection.pace.rate_hz == pytest.approx(50.0, rel=0.01)
+    assert inspection.sampling.rows == 200
+    assert inspection.sampling.rate_hz == pytest.approx(50.0, rel=0.01)
     assert as_pasted(inspection, tmp_path) == LogFormat("spa-rig")
 
 
@@ -450,7 +451,7 @@ def test_any_table_is_read_or_refused_in_one_line(
     path.write_bytes("\n".join(lines).encode("utf-8", errors="replace") + b"\n")
     inspection = understood_or_refused(path, tmp_path)
     if inspection is not None:
-        assert math.isfinite(inspection.pace.rate_hz)
+        assert math.isfinite(inspection.sampling.rate_hz)
         assert inspection.text().count("log:\n") == 1
 
 

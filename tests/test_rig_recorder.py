@@ -23,13 +23,15 @@ from spa_fo.errors import BadInput
 from spa_fo.gap import profiles
 from spa_fo.rig import read_campaign, read_trials
 from spa_fo.rig.board_link import BoardLink, PortLost, greeting
+from spa_fo.rig.campaign_entry import ABORTED
 from spa_fo.rig.campaign_files import Setup
 from spa_fo.rig.command_profile import CommandProfile, plateaus, read_profile, triangle
 from spa_fo.rig.live_stream import LiveStream, Progress, Remark, Row
 from spa_fo.rig.live_view import LiveView
-from spa_fo.rig.record_command import Series, account, record_dwells, record_series
-from spa_fo.rig.recorder import Outcome, Pacer, record_trial
-from spa_fo.rig.recording import ABORTED, KILLED, RecordingFolder
+from spa_fo.rig.record_series import Series, account, record_dwells, record_series
+from spa_fo.rig.recorder import Outcome, record_trial
+from spa_fo.rig.recording import KILLED, RecordingFolder
+from spa_fo.rig.set_points import Pacer
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log, read_spa_rig_log
 from virtual_bench import serving
 
@@ -830,7 +832,7 @@ def read_sensor():
 
 
 def test_the_account_of_a_trial() -> None:
-    from spa_fo.rig.recording import Kept
+    from spa_fo.rig.recorded_log import Kept
 
     outcome = Outcome(rows=690, damaged=2, taken=692)
     assert account(Kept("a/trial_01.log", "a", ""), outcome) == (

@@ -323,8 +323,8 @@ def test_sensor_effects_do_what_their_names_say():
     assert flex.SensorNonlinearity(3.0, 70.0).felt(np.array([0.0, 35.0])).tolist() == [0.0, 38.0]
     sensor = flex.FlexSensor(sensor_slip=flex.SensorSlip(1.5)).begin(STEP_S)
     flat = sensor(np.zeros(1))
-    sensor.seat(0.0, 0.3)
-    sensor.seat(0.0, -2.0)
+    sensor.mount(0.0, 0.3)
+    sensor.mount(0.0, -2.0)
     np.testing.assert_allclose(sensor(np.zeros(1)), flex.DividerCurve().volts(np.array([3.0])))
     assert sensor(np.zeros(1)) > flat
 

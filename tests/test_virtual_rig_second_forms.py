@@ -93,7 +93,7 @@ def test_the_distributed_line_has_its_time_constant_and_begins_flat():
     assert out[1] < 0.01 * 50.0 * STEP_S / 0.2 * 10
 
 
-def test_the_reservoir_sags_after_the_rise_and_recovers_at_two_paces():
+def test_the_reservoir_sags_after_the_rise_and_recovers_at_two_rates():
     out = second.ReservoirDroop(0.1, (0.5, 5.0), 0.5).begin(STEP_S)(HELD)
     missing = 50.0 - out
     assert missing[0] < 0.1  # nothing has flowed yet
@@ -211,7 +211,7 @@ def test_a_changed_curve_shows_in_the_later_calibration_only():
     at_60 = np.array([60.0])
     volts = flex.DividerCurve().volts
     np.testing.assert_allclose(sensor.in_fixture(at_60), volts(at_60))
-    sensor.seat(0.0, 0.0)
+    sensor.mount(0.0, 0.0)
     np.testing.assert_allclose(sensor(at_60), volts(np.array([63.0])))
     np.testing.assert_allclose(sensor.in_fixture(at_60), volts(np.array([63.0])))
 

@@ -29,7 +29,7 @@ plan = replace(
         pump=SyringePump(),
         actuator=stiffening,
         sensor=FlexSensor(),
-        scatter=Scatter(gain=0.004, offset_deg=0.15, pace=0.005),
+        scatter=Scatter(gain=0.004, offset_deg=0.15, rate=0.005),
     ),
     experiments=tuple(e for e in DRAGON_SKIN_20.experiments if e.name != "hold_45"),
     order=(*("step_30", "step_60") * 3, "triangle", "staircase"),

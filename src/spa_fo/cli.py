@@ -172,7 +172,7 @@ def _add_fit(commands: Commands) -> None:
         "where it has none",
         "spa-fo fit raw/dragon_skin_20 --out model.json\n"
         "  spa-fo fit raw/soft_arm_steps --static-curve --out curved.json\n\n"
-        "A static curve goes into the model where levels that were left out are predicted better\n"
+        "A static curve goes into the model where held-out levels are predicted better\n"
         "with it; the report says what it gains. A model with a curve is for `predict`.",
     )
     add_campaign(parser)
@@ -193,7 +193,7 @@ def _add_fit(commands: Commands) -> None:
         "--static-curve",
         action="store_true",
         help="try a monotone curve before or behind the linear part as well, on whole logs, and "
-        "judge it by levels that were left out",
+        "judge it by held-out levels",
     )
     parser.add_argument(
         "--bound",
@@ -289,9 +289,9 @@ def _add_diagnose(commands: Commands) -> None:
     parser = add_command(
         commands,
         "diagnose",
-        "say whether, where and why model and actuator disagree, and how far that can be repaired",
+        "say whether, where and why model and actuator disagree, and how far the gap closes",
         "spa-fo diagnose raw/dragon_skin_20 --model model.json --out diagnosis\n\n"
-        "Start with DIR/diagnosis.md. DIR/augmented_model.json is the model with the explanation\n"
+        "Open DIR/diagnosis.html. DIR/augmented_model.json is the model with the explanation\n"
         "in it; `predict` takes it. An answer of `unknown` is a result: the command ends with 0.\n"
         "Effects of your own, effects/*.py in the campaign's folder, are run and weighed as well.",
     )
@@ -338,7 +338,7 @@ def _add_plan(commands: Commands) -> None:
     parser = add_command(
         commands,
         "plan",
-        "find the pressure profile that best tells apart what a diagnosis left open, and write it",
+        "write the pressure profile that best discriminates what a diagnosis left open",
         "spa-fo plan raw/arm --diagnosis diagnosis/diagnosis.json --out next.csv\n\n"
         "FILE.csv holds the command, t_s,cmd_kpa, each row held until the next. The profile is\n"
         "meant for the same actuator, in a campaign that continues this one. It goes no higher\n"

@@ -126,8 +126,8 @@ def _mullins_softening(
 
 
 def _creep(rng: np.random.Generator) -> _Drawn:
-    pace = _log_uniform(rng, 0.6, 1.6)
-    times_s = (3.0 * pace, 15.0 * pace, 75.0 * pace)
+    factor = _log_uniform(rng, 0.6, 1.6)
+    times_s = (3.0 * factor, 15.0 * factor, 75.0 * factor)
     return lambda x: act.Creep(x, times_s), 0.02, 0.2
 
 
@@ -248,7 +248,7 @@ def _warming(rng: np.random.Generator) -> _Drawn:
 
 
 def _slower_casting(rng: np.random.Generator) -> _Drawn:
-    # Mostly the orders and the damping: another pace rather than another reach.
+    # Mostly the orders and the damping: another rate rather than another gain.
     return _along(rng.standard_normal(5) * [0.12, 0.12, 1.0, 0.4, 0.4])
 
 

@@ -24,7 +24,7 @@ from spa_fo.virtual_rig.converter import Converter
 LARGEST_ANGLE_DEG = 85.0  # the fixture ends at 90°
 # It begins at 0°: no larger share of a trial may lie below an angle, or no one would read it.
 _BELOW = ((-18.0, 0.005), (-6.0, 0.2))
-_PACE = 0.005
+_RATE = 0.005
 _CLOSE_ENOUGH = 0.02
 
 
@@ -127,12 +127,12 @@ def noise_floor_deg(specimen: Specimen, plan: Plan) -> float:
 
 def _floor_deg(specimen: Specimen, plan: Plan, plain: Sequence[Reading]) -> float:
     noise, scatter = plan.asked.surroundings.noise, specimen.scatter
-    faster = with_core(specimen, at_pace(specimen.actuator.core, 1.0 + _PACE))
-    by_pace = (exact_angles(faster, plan) - _angles(plain)) / _PACE
+    faster = with_core(specimen, at_rate(specimen.actuator.core, 1.0 + _RATE))
+    by_rate = (exact_angles(faster, plan) - _angles(plain)) / _RATE
     parts = (
         scatter.gain * rms(_angles(plain)),
         scatter.offset_deg,
-        scatter.pace * rms(by_pace),
+        scatter.rate * rms(by_rate),
         noise.coloured_deg,
         noise.white_deg,
         rms(np.concatenate([reading.step_deg for reading in plain])) / np.sqrt(12.0),
@@ -140,10 +140,12 @@ def _floor_deg(specimen: Specimen, plan: Plan, plain: Sequence[Reading]) -> floa
     return float(np.sqrt(sum(part**2 for part in parts)))
 
 
-def at_pace(core: FractionalCore, pace: float) -> FractionalCore:
-    """Give the core whose responses run `pace` times as fast."""
+def at_rate(core: FractionalCore, rate_factor: float) -> FractionalCore:
+    """Give the core whose responses run `rate_factor` times as fast."""
     return ParameterShift(
-        a1=pace ** (core.alpha2 - core.alpha1), a0=pace**core.alpha2, b0=pace**core.alpha2
+        a1=rate_factor ** (core.alpha2 - core.alpha1),
+        a0=rate_factor**core.alpha2,
+        b0=rate_factor**core.alpha2,
     ).shifted(core)
 
 

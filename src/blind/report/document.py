@@ -29,51 +29,45 @@ Priors = Sequence[tuple[str, str, str, str]]
 
 _COPIED = ("*.csv", "*.png", "table.md", "seals.txt")
 _FIGURES = {
-    "surroundings": "What the surroundings do: coloured noise by its correlation time (*nearly "
-    "white*: less than 0.05° of it), the scatter of the gain from trial to trial, and the error of "
-    "the angles that the sensor was calibrated by; with 95 % intervals.",
-    "size_curve": "How the answers improve with the size of the effect, with 95 % intervals.",
-    "confusion": "What each effect of at least four times the noise floor is taken for: truth in "
+    "surroundings": "Answers by coloured noise and its correlation time (*nearly white*: less than "
+    "0.05° of it), by the scatter of the gain from trial to trial, and by the error of the "
+    "calibration's known angles; with 95 % intervals.",
+    "size_curve": "Answers by the size of the effect, with 95 % intervals.",
+    "confusion": "Confusion matrix of effects of at least four times the noise floor: truth in "
     "rows, most probable explanation in columns.",
-    "calibration": "How often the most probable explanation is right, against its probability.",
+    "calibration": "Calibration of the probabilities: how often the most probable explanation is "
+    "right, against its probability.",
     "shrink": "The share of the gap that the augmented model closes: claimed, and realised on a "
     "later campaign of the same specimen with other levels and protocols.",
 }
 _CLASSES = """\
-Rich protocols have releases, several levels and at least two repeats of everything; all others —
-up-steps alone, releases alone, a single log — stand apart as *other protocols*."""
+Rich protocols have releases, several levels and at least two repeats of everything; *other
+protocols* are up-steps alone, releases alone, or a single log."""
 _METHOD = """\
-Every case is a campaign of one of the rigs. They share no code, no solver and no functional form
-with the diagnosis, nor with each other: only the text that says what a rig is asked and gives back,
-`src/blind/CASE.md`. What the diagnosis has learned, it learned on the virtual rig. Specimen,
-protocol, surroundings and what is wrong with the judged model are drawn; the effect's size is
-solved for, so that it changes the logged angle by a multiple of the noise floor (RMS over all
-samples). The labels are sealed: their salted SHA-256 stands in `seals.txt` before the first
-diagnosis, every batch of diagnoses writes down the hash of that file before it begins, and the
-labels are opened only if all of it agrees. The folders say neither rig nor cause.
+Every case is a campaign of one of the rigs, which share no code, no solver and no functional form
+with the diagnosis, nor with each other; `src/blind/CASE.md` is their common interface. The
+diagnosis was trained on the virtual rig alone. Specimen, protocol, surroundings and the error of
+the given model are drawn at random; the effect's size is chosen so that it changes the logged
+angle by a multiple of the noise floor (RMS over all samples). The labels are sealed: their salted
+SHA-256 is in `seals.txt` before the first diagnosis, every batch of diagnoses records the hash of
+that file before it begins, and the labels are opened only if all of it agrees. The folders say
+neither rig nor cause.
 
-Thresholds and learned weights of the diagnosis were frozen before, on other seeds: those of
-development, and of benchmarks whose answers were open by then. This benchmark has seed {seed}.
+All settings of the diagnosis were frozen before, on other seeds. This benchmark has seed {seed}.
 
-The counting is strict. Naming more than what is at work is a wrong name; an `unknown` that holds
-the truth as the explained part does not count as naming it; sets are counted in the answers that
-name any; a diagnosis that ends in an error saw and named nothing, and is a false alarm where there
-is no effect. A model that is off is a shift of the parameters: naming that alone is no false alarm,
-and beside the truth it is no wrong name. Intervals are Wilson's for shares and bootstrap over cases
-for means; the rigs are compared by square and add of their intervals. A claimed shrink is judged
-where the plain model's error on the later campaign is at least {clear:g} times the noise floor
-({left_out} claims are not), as below the scatter of its few trials hides the fraction; the floor is
-that of the specimen's own repeated trials."""
+The scoring is strict. Naming more than the truth is a wrong name; an `unknown` that holds the
+truth as the explained part does not count as naming it; sets are counted in the answers that name
+any; a diagnosis that ends in an error found and named nothing, and is a false alarm where there
+is no effect. An error of the given model is a shift of the parameters: naming that alone is no
+false alarm, and beside the truth it is no wrong name. Intervals are Wilson's for shares and
+bootstrap over cases for means; the rigs are compared by square and add of their intervals. A
+claimed shrink is judged where the plain model's error on the later campaign is at least {clear:g}
+times the noise floor of the specimen's own repeated trials ({left_out} claims are not)."""
 _HISTORY = """\
-Every run that was published, the first one left, what was not reached bold. Between two runs the
-diagnosis was changed after what the cases of the earlier one taught, and each run has new cases: no
-column is chosen among several of one state. With so few cases a mark, the same diagnosis passes a
-goal in one run and misses it in the next: the intervals above say by how much. All values with
-their commits: [{folder}/history.csv]({folder}/history.csv)."""
-_ONE_RIG = """\
-Until seed 2035 the benchmark had the virtual rig alone, with one kind of noise, scatter and
-calibration, and its own marks. The diagnosis was tuned on that rig from run to run: 19 of 19 marks
-in the last one said nothing about other rigs, nor about other surroundings. All values:
+Every published run, in order of time; what was not reached is bold. The diagnosis changed between
+runs, and each run has new cases. All values with their commits:
+[{folder}/history.csv]({folder}/history.csv). Earlier runs had the virtual rig alone, which the
+diagnosis was tuned on, and say nothing of other rigs:
 [{folder}/history_one_rig.csv]({folder}/history_one_rig.csv)."""
 
 
@@ -91,8 +85,8 @@ class Further:
 
     Attributes
     ----------
-    history, before : sequence of Mark
-        Of all runs, this one last; and of those on one rig.
+    history : sequence of Mark
+        Of all runs, this one last.
     priors : sequence of tuples
         What surroundings are drawn from: name, prior in words, unit, reason.
     note : str
@@ -102,7 +96,6 @@ class Further:
     """
 
     history: Sequence[Mark] = ()
-    before: Sequence[Mark] = ()
     priors: Priors = ()
     note: str = ""
     measured: str = ""
@@ -133,7 +126,7 @@ def document(
         sections.summary(scores),
         further.note,
         sections.origin_of_data(scores),
-        "## What it had to reach",
+        "## Goals and results",
         sections.marks(scores),
         "## By class of surroundings",
         sections.classes(scores, folder),
@@ -150,7 +143,7 @@ def document(
         "## Claims of how far the gap closes, by kind of answer",
         sections.claims(scores),
         *_figure("shrink", folder),
-        "## Models that are off",
+        "## Errors of the given model",
         sections.shifts(scores),
         "## Errors",
         sections.errors(scores),
@@ -158,9 +151,6 @@ def document(
         "## All runs",
         _HISTORY.format(folder=folder),
         *_histories(further.history),
-        "## Before: one rig, one kind of surroundings",
-        _ONE_RIG.format(folder=folder),
-        *(table(further.before, rig) for rig in rigs_of(further.before)),
         "## How it was done",
         _method(scores),
         sections.cases(scores),
@@ -223,7 +213,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         told = beside / "history.csv"
         further = Further(
             history=with_run(read_history(told), marks_of(scores, origin.commit)),
-            before=read_history(beside / "history_one_rig.csv"),
             priors=import_module("blind.surroundings").describe(),
             note=_part(beside / "note.md"),
             measured=_opening(beside / "measured_repeats.md"),

@@ -44,10 +44,11 @@ def summary(scores: Scores) -> str:
     """Say in one sentence how often it is right, false alarms first, rig by rig."""
     judged = [mark["reached"] for mark in scores["marks"] if mark["reached"] is not None]
     return (
+        "How often the diagnosis is right on synthetic campaigns whose cause it was not told. "
         f"Without any effect it gives a false alarm {_by_rig(scores, FALSE_ALARMS)}; an effect "
         "of its library of at least four times the noise floor, on a protocol with releases and "
         f"repeats, is among what it names {_by_rig(scores, IN_SETS)}; it is sure of a wrong name "
-        f"{_by_rig(scores, WRONG_NAMES)}; of {len(judged)} marks {sum(judged)} are reached."
+        f"{_by_rig(scores, WRONG_NAMES)}; of {len(judged)} goals {sum(judged)} are reached."
     )
 
 
@@ -137,10 +138,10 @@ def classes(scores: Scores, folder: str) -> str:
     ]
     titles = ("rig", "class", "mark", "goal", "value", "95 %", "cases")
     return (
-        f"Every mark is measured in every class of surroundings on each rig. Of the {len(enough)} "
-        f"that have at least {ENOUGH} cases {missed} miss the goal that is set for all cases "
-        f"together, {surely} of them with their whole interval; with so many, and so few cases in "
-        "each, some do by chance. The worst, by the better end of the interval:\n\n"
+        f"Every mark in every class of surroundings on each rig: of the {len(enough)} with at "
+        f"least {ENOUGH} cases {missed} miss the goal that is set for all cases together, {surely} "
+        "of them with their whole interval, some by chance. The worst, by the better end of the "
+        "interval:\n\n"
         f"{rows(titles, 'llllrlr', cells)}\n\n"
         f"All of them, the worst first: [{folder}/classes.csv]({folder}/classes.csv)."
     )
@@ -166,8 +167,7 @@ def effects(scores: Scores, folder: str) -> str:
         )
     titles = ("effect", "rig", "worst rate", "95 %", "of cases", "which", "mostly taken for")
     return (
-        "Ordered by the upper end of the interval: one miss in a single case says less than ten in "
-        f"a hundred.\n\n{rows(titles, 'llrlrll', cells)}\n\n"
+        f"Ordered by the upper end of the interval.\n\n{rows(titles, 'llrlrll', cells)}\n\n"
         f"The other {always} are right throughout. Every rate of every effect: "
         f"[{folder}/per_effect.csv]({folder}/per_effect.csv); every kind, group of protocols and "
         f"size: [{folder}/table.md]({folder}/table.md)."
@@ -229,7 +229,7 @@ def shifts(scores: Scores) -> str:
     ]
     titles = (
         "rig",
-        "cases with a model that is off",
+        "cases with an error of the model",
         "no effect, shift alone: no false alarm",
         "shift beside a right name: no wrong name",
         "sure of the shift instead of the effect: a wrong name",
@@ -245,7 +245,7 @@ def errors(scores: Scores) -> str:
         for entry in own["failures"]
     )
     if not found:
-        return "No diagnosis ended in an error, and every model could be tried on unseen trials."
+        return "No diagnosis ended in an error, and every model could be tried on later trials."
     cells = [
         [*facts, f"`{message}`".replace("|", "\\|"), str(n)]
         for (*facts, message), n in found.most_common(_MOST_MESSAGES)
@@ -254,7 +254,7 @@ def errors(scores: Scores) -> str:
     return (
         f"{diagnoses} diagnoses ended in an error, which counts as a false alarm where there is no "
         "effect and as not named where there is one; "
-        f"{found.total() - diagnoses} models could not be tried on unseen trials.\n\n"
+        f"{found.total() - diagnoses} models could not be tried on later trials.\n\n"
         + rows(("rig", "case", "where", "message", "cases"), "llllr", cells)
     )
 

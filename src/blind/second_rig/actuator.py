@@ -33,7 +33,7 @@ class Specimen:
     banks: dict[float, Bank] = field(default_factory=dict)
 
     def bend(
-        self, pressure: Floats, step_s: float, started_s: float, gain: float, pace: float
+        self, pressure: Floats, step_s: float, started_s: float, gain: float, rate_factor: float
     ) -> Floats:
         """Bend under a pressure.
 
@@ -45,7 +45,7 @@ class Specimen:
             Step (s).
         started_s : float
             Campaign time of the first step.
-        gain, pace : float
+        gain, rate_factor : float
             This trial's own factors on the input and on the rate of the plain physics.
 
         Returns
@@ -53,17 +53,17 @@ class Specimen:
         ndarray, shape (n + 1,)
             Angle (rad).
         """
-        felt = pace * step_s
+        felt = rate_factor * step_s
         body = self.banks.setdefault(felt, bank(self.core, felt))
         times = started_s + step_s * np.arange(pressure.size, dtype=np.float64)
         drive = gain * self.core.b0 * _input(self.effects, pressure, times)
         angle = run(body, self.laws, self.core.a0, drive, self.voigt, self.state, step_s)
         for effect in self.effects:
             if effect.id == "body_mode" and effect.amplitude != 0.0:
-                pace_mode = 2.0 * np.pi * effect.shape["frequency_hz"]
+                omega = 2.0 * np.pi * effect.shape["frequency_hz"]
                 size = effect.amplitude * self.core.gain
                 damping = effect.shape["damping"]
-                angle = angle + size * _ringing(pressure, step_s, pace_mode, damping, self.mode)
+                angle = angle + size * _ringing(pressure, step_s, omega, damping, self.mode)
         return angle
 
 
@@ -125,13 +125,13 @@ def _warmth(effect: Effect, times: Floats) -> Floats:
     elapsed = np.maximum(times, 0.0) / effect.shape["length_s"]
     if effect.form == "linear":
         return np.minimum(elapsed, _SETTLED)
-    pace = effect.shape["length_s"] / effect.shape["time_s"]
-    warmth: Floats = np.expm1(-pace * elapsed) / np.expm1(-pace)
+    rate = effect.shape["length_s"] / effect.shape["time_s"]
+    warmth: Floats = np.expm1(-rate * elapsed) / np.expm1(-rate)
     return warmth
 
 
 @njit(cache=True)
-def _ringing(push: Floats, step_s: float, pace: float, damping: float, state: Floats) -> Floats:
+def _ringing(push: Floats, step_s: float, omega: float, damping: float, state: Floats) -> Floats:
     """Motion of a lightly damped mode about its own rest: what is left when the push is held."""
     out = np.empty(push.size + 1)
     out[0] = state[0]
@@ -139,7 +139,7 @@ def _ringing(push: Floats, step_s: float, pace: float, damping: float, state: Fl
     for n in range(push.size):
         state[0] -= push[n] - last
         last = push[n]
-        state[1] += step_s * (-pace * pace * state[0] - 2.0 * damping * pace * state[1])
+        state[1] += step_s * (-omega * omega * state[0] - 2.0 * damping * omega * state[1])
         state[0] += step_s * state[1]
         out[n + 1] = state[0]
     return out

@@ -186,12 +186,12 @@ def in_kpa(plan: Plan, top_kpa: float) -> Plan:
 
 
 def scattered(plan: Plan, scatter: dict[str, Any], rng: Rng) -> Plan:
-    """Give each trial its own gain, pace and rest angle."""
+    """Give each trial its own gain, rate factor and rest angle."""
     trials = [
         replace(
             trial,
             gain=float(np.exp(float(scatter["gain"]) * rng.normal())),
-            pace=float(np.exp(float(scatter["time_scale"]) * rng.normal())),
+            rate_factor=float(np.exp(float(scatter["time_scale"]) * rng.normal())),
             rest_deg=float(scatter["rest_deg"]) * rng.normal(),
         )
         for trial in plan.trials

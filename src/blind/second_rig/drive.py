@@ -189,24 +189,26 @@ def _play(command: Floats, widths: Floats, engaged: float, state: Floats) -> Flo
 
 def _overshoot(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
     """Let a regulator swing about its target; the amplitude is the period (s)."""
-    pace = 2.0 * np.pi / e.amplitude
-    pressure: Floats = _swinging(command, step_s, pace, e.shape["damping"], state)
+    omega = 2.0 * np.pi / e.amplitude
+    pressure: Floats = _swinging(command, step_s, omega, e.shape["damping"], state)
     return pressure
 
 
 @njit(cache=True)
-def _swinging(command: Floats, step_s: float, pace: float, damping: float, state: Floats) -> Floats:
+def _swinging(
+    command: Floats, step_s: float, omega: float, damping: float, state: Floats
+) -> Floats:
     """Step an underdamped second order by its exact solution; the state is error, rate, target."""
     out = np.empty_like(command)
-    slow = damping * pace
-    fast = pace * np.sqrt(1.0 - damping * damping)
+    slow = damping * omega
+    fast = omega * np.sqrt(1.0 - damping * damping)
     fading = np.exp(-slow * step_s)
     along, across = fading * np.cos(fast * step_s), fading * np.sin(fast * step_s) / fast
     for n in range(command.size):
         error = state[0] + state[2] - command[n]
         state[2] = command[n]
         state[0] = (along + slow * across) * error + across * state[1]
-        state[1] = (along - slow * across) * state[1] - pace * pace * across * error
+        state[1] = (along - slow * across) * state[1] - omega * omega * across * error
         out[n] = max(command[n] + state[0], 0.0)
     return out
 

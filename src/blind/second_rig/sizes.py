@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 
 _WITHIN = 0.01  # of the size asked
 _LEAST_DEG, _MOST_DEG = -18.0, 84.0  # what the bench has room for
-_PROBE = 0.01  # relative change of pace
+_PROBE = 0.01  # relative change of the rate factor
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class Ruler:
         surroundings = self.bench.surroundings
         scatter, noise = surroundings["scatter"], surroundings["noise"]
         faster = replace(
-            self.plan, trials=tuple(replace(t, pace=1.0 + _PROBE) for t in self.plan.trials)
+            self.plan, trials=tuple(replace(t, rate_factor=1.0 + _PROBE) for t in self.plan.trials)
         )
-        by_pace = (_angles(self.bench.core, (), faster, self.scene) - self.bare) / _PROBE
+        by_rate = (_angles(self.bench.core, (), faster, self.scene) - self.bare) / _PROBE
         parts = (
             float(scatter["gain"]) * rms(self.bare),
-            float(scatter["time_scale"]) * rms(by_pace),
+            float(scatter["time_scale"]) * rms(by_rate),
             float(scatter["rest_deg"]),
             float(noise["coloured_deg"]),
             float(noise["white_deg"]),

@@ -36,7 +36,7 @@ class Trial:
         When each sample is taken, from the start (s).
     command : ndarray, shape (n,)
         What is commanded from each sample until the next (kPa).
-    gain, pace : float
+    gain, rate_factor : float
         This trial's own factors on gain and rate.
     rest_deg : float
         This trial's own rest angle.
@@ -48,7 +48,7 @@ class Trial:
     times: Floats
     command: Floats
     gain: float = 1.0
-    pace: float = 1.0
+    rate_factor: float = 1.0
     rest_deg: float = 0.0
 
     @property
@@ -96,7 +96,7 @@ def play(
         command: Floats, step_s: float, start_s: float, trial: Trial, order: int
     ) -> tuple[Floats, Floats]:
         pressure = transmit(effects, command, step_s, line, start_s)
-        angle = actuator.bend(pressure / reference, step_s, start_s, trial.gain, trial.pace)
+        angle = actuator.bend(pressure / reference, step_s, start_s, trial.gain, trial.rate_factor)
         true = np.rad2deg(angle) + trial.rest_deg
         felt = np.concatenate([pressure[:1], pressure]) / scene.top_kpa
         return see(effects, true, felt, step_s, skin, When(start_s, order)), pressure

@@ -162,13 +162,8 @@ class Diagnosis:
             There is no such figure of this diagnosis, or the curves are not at hand.
         """
         from spa_fo.api.figures import chosen
-        from spa_fo.report.diagnosis_figures import (
-            before_after_figure,
-            gap_figure,
-            has_stages,
-            ladder_figure,
-            stages_figure,
-        )
+        from spa_fo.report.diagnosis_figures import before_after_figure, gap_figure, ladder_figure
+        from spa_fo.report.stages_figure import has_stages, stages_figure
 
         result = self._with_curves()
         draw: dict[str, Callable[[], Figure]] = {

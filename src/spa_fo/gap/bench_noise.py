@@ -38,7 +38,7 @@ TYPICAL = Scatter(
 )
 """Scatter of trials before they are seen."""
 _FIXED_DEG = 0.03  # error of averaging a curve over a step
-_PACE_STEP = 2e-3
+_RATE_STEP = 2e-3
 _FEWEST_ROWS = 12  # averaged samples that trials must share
 _FEWEST_ANGLES = 4  # that two ways through a calibration must share
 
@@ -129,8 +129,8 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
         What is to be expected beside it.
     """
     chain = angle_chain(evidence, x, None)
-    plain, quick = (chain.run(paced(x, pace), absent())[0] for pace in (1.0, 1.0 + _PACE_STEP))
-    quicker = (quick - plain) / _PACE_STEP
+    plain, quick = (chain.run(paced(x, rate), absent())[0] for rate in (1.0, 1.0 + _RATE_STEP))
+    quicker = (quick - plain) / _RATE_STEP
     every = np.ones(len(evidence.grid.trials), dtype=bool)
     differences = [
         found

@@ -16,15 +16,15 @@ from spa_fo.plant.effects.library import LIBRARY
 Floats = NDArray[np.float64]
 
 MISSING = {
-    "pressure": "measured pressure: drive and actuator cannot be told apart by it",
-    "command": "the command: the pressure drives the model, and what drives it is not asked",
-    "release": "release: hysteresis, play and creep hardly show in up-steps",
-    "levels": "a staircase or triangle: amplitude and direction show together there",
+    "pressure": "measured pressure: without it drive and actuator cannot be told apart",
+    "command": "the command: the pressure drives the model, and the drive is not diagnosed",
+    "release": "release: hysteresis, backlash and creep hardly show in up-steps",
+    "levels": "a staircase or triangle: effects of amplitude and direction show there",
     "hold": "a long hold: creep, leak and droop show there",
     "later calibration": "a calibration afterwards: slip and drift of the sensor",
     "calibration": "a calibration log: the sensor cannot be told from the actuator",
     "repeats": "repeated trials: without them the noise floor is that of single samples",
-    "order": "interleaved order: drift and amplitude go together in blocks",
+    "order": "interleaved order: drift and amplitude are confounded in blocks",
 }
 """Evidence that a campaign may lack, and what for."""
 
@@ -84,13 +84,13 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
     )
     if after > _PRESSURE_EXPLAINED * before:
         return ()
-    tried_on = ", on trials left out of that fit," if held.trials.any() else ""
+    tried_on = ", on held-out trials," if held.trials.any() else ""
     effects = " + ".join(
         f"{name} ({', '.join(_values(name, fit.effects[LIBRARY[name].slots]))})" for name in fit.ids
     )
     return (
-        f"The measured pressure by itself: {effects} takes what the command misses of "
-        f"it{tried_on} from {before:.3g} to {after:.3g} kPa.",
+        f"The measured pressure by itself: {effects} reduces its RMS deviation from the "
+        f"command{tried_on} from {before:.3g} to {after:.3g} kPa.",
     )
 
 
@@ -118,24 +118,24 @@ def findings(verdict: Verdict, own: bool, repeats: bool, floor_deg: float) -> tu
     found = []
     named = [s for s in verdict.scored if s.named]
     if verdict.kind == "unknown" and not verdict.sets:
-        found.append("No explanation of the library holds on the trials that took no part.")
+        found.append("No explanation of the library holds on the held-out trials.")
     elif verdict.kind != "no_gap" and named:
         left = named[0].left_deg
         found.append(
-            f"The best explanation leaves structure of {left:.2g}° that repeats, "
+            f"The best explanation leaves a systematic residual of {left:.2g}°, "
             f"{left / max(floor_deg, 1e-9):.2g} noise floors."
         )
     if verdict.kind == "unknown":
         where = "the drive" if verdict.unknown_drive > 0.5 else "actuator, sensor or log"
-        found.append(f"What is not explained is sought in {where}.")
+        found.append(f"The unexplained part is most probably in {where}.")
     if not repeats:
         found.append(
-            "No experiment was repeated: coloured noise cannot be told from structure, and the "
-            "noise floor is what the noise model gives."
+            "No experiment was repeated: coloured noise cannot be told from a systematic residual, "
+            "and the noise floor is that of the noise model."
         )
     if own:
         found.append(
-            "The model was fitted to this campaign, so its coefficients have bent with the gap: "
-            "they were free in every explanation, and a shift of parameters cannot be told."
+            "The model was fitted to this campaign, so its coefficients have absorbed part of the "
+            "gap: they are free in every explanation; a shift of parameters is not identifiable."
         )
     return tuple(found)

@@ -17,7 +17,7 @@ _NEAR_S = 0.4
 def noise_floor(evidence: Evidence, explained_deg: Floats | None = None) -> float:
     """RMS by which trials of one experiment deviate from their expected mean, deg.
 
-    Scatter in gain, rest angle and pace and the noise of single samples included; pooled over the
+    Scatter in gain, rest angle and rate and the noise of single samples included; pooled over the
     experiments, so one with a single trial borrows it. Where trials drift with their order, the
     differences of successive ones count (von Neumann 1941, doi:10.1214/aoms/1177731677), or the
     drift would hide itself in the floor.

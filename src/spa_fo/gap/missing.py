@@ -177,15 +177,15 @@ def law_finding(missing: Missing, held: HeldOut, evidence: Evidence) -> tuple[st
     where = f"in the {first.stage}, in {place.words}"
     if first.place == "input_map" and not evidence.has_pressure:
         where += " (or in the drive: its pressure was not logged)"
-    like = "It resembles none of the forms that are tried"
+    like = "It resembles none of the known forms"
     if first.resembles:
         like = f"It resembles {likeness_words(first.resembles[0], place)}"
-    trials = "trials that took no part" if held.trials.any() else "the fitted trials"
+    trials = "held-out trials" if held.trials.any() else "the fitted trials"
     beside = f" beside {' + '.join(first.beside)}" if first.beside else ""
-    hint = "" if _gains(first, missing) else ": a hint where to look, and no more"
+    hint = "" if _gains(first, missing) else ": only a hint where to look"
     closed, known = (f"{max(f, 0.0):.0%}" for f in (first.fraction_closed, missing.known_closed))
     return (
-        f"A free-form law{beside} is missed most {where}, with probability "
+        f"A free-form law{beside} is most probable {where}, with probability "
         f"{first.probability:.2f} among the places. {like}. On {trials} {closed} of the gap closes "
         f"with it, {known} without{hint}.",
     )

@@ -34,7 +34,7 @@ _CONSIDERED = 0.01  # probability from which a rival of a cause counts
 _RUNS = 3
 _REPEAT = Step(
     "repeat an experiment unchanged, three times or more",
-    "what does not come again in every trial is scatter, and no model can explain it",
+    "what does not repeat in every trial is noise, and no model can explain it",
 )
 
 

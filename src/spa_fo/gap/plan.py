@@ -16,10 +16,10 @@ from typing import Any
 
 from spa_fo.errors import BadInput
 from spa_fo.gap.evidence import Evidence, collect
-from spa_fo.gap.foresight import Bench, Foresight, Separation, bench_of
 from spa_fo.gap.profiles import FEW, NAMES, Limits, Profile, family, limits_of
 from spa_fo.gap.remedies import remedies, twins
 from spa_fo.gap.rivals import Ids, Rival, Standing, rival
+from spa_fo.gap.separation import Bench, PairwiseSeparation, Separation, bench_of
 from spa_fo.plant.effects.library import absent
 from spa_fo.rig import CampaignData
 
@@ -105,15 +105,15 @@ def plan(
     """
     profiles = _offered(limits or limits_of(bench.grid), names)
     pairs = tuple(combinations(range(len(rivals)), 2))
-    foresight = Foresight(bench, rivals)
-    after = [tuple(foresight.after(profile, pairs)) for profile in profiles]
+    pairwise = PairwiseSeparation(bench, rivals)
+    after = [tuple(pairwise.after(profile, pairs)) for profile in profiles]
     counted = _separable(rivals, pairs, bench.tapped, after)
     ranked = sorted(range(len(profiles)), key=lambda i: -_smallest(after[i], counted))
     return Plan(
         rivals=tuple(rivals),
         pairs=pairs,
         bench=bench,
-        now=tuple(foresight.now(pairs)),
+        now=tuple(pairwise.now(pairs)),
         profiles=tuple(profiles[i] for i in ranked),
         after=tuple(after[i] for i in ranked),
     )

@@ -109,13 +109,13 @@ def limits_of(grid: CampaignGrid) -> Limits:
 class _Pen:
     """Draws the corners of a profile, never steeper than the limit.
 
-    `pace` scales the natural times of what is drawn.
+    `time_scale` scales the natural times of what is drawn.
     """
 
-    def __init__(self, limits: Limits, pace: float) -> None:
+    def __init__(self, limits: Limits, time_scale: float) -> None:
         self.top = limits.pressure_kpa
         self.rate = limits.rate_kpa_s
-        self.pace = pace
+        self.time_scale = time_scale
         self.time_s = [0.0, _LEAD_S]
         self.pressure_kpa = [0.0, 0.0]
 
@@ -123,19 +123,19 @@ class _Pen:
         """Go to a share of the largest pressure; at once if no time is given."""
         pressure = share * self.top
         least = abs(pressure - self.pressure_kpa[-1]) / self.rate
-        self.time_s.append(self.time_s[-1] + max(seconds * self.pace, least))
+        self.time_s.append(self.time_s[-1] + max(seconds * self.time_scale, least))
         self.pressure_kpa.append(pressure)
         return self
 
     def stay(self, seconds: float) -> _Pen:
         """Hold the pressure."""
-        self.time_s.append(self.time_s[-1] + seconds * self.pace)
+        self.time_s.append(self.time_s[-1] + seconds * self.time_scale)
         self.pressure_kpa.append(self.pressure_kpa[-1])
         return self
 
     def seconds(self, natural: float) -> str:
         """Say a time as it is drawn."""
-        return f"{natural * self.pace:.3g} s"
+        return f"{natural * self.time_scale:.3g} s"
 
     def kpa(self, share: float = 1.0) -> str:
         """Say a pressure as it is drawn."""
@@ -342,19 +342,19 @@ def _drawn(name: str, limits: Limits) -> Profile | None:
             return None
         words = f"{once.words}; seven times within an hour, one every 10 min"
         return Profile(name, words, once.time_s, once.pressure_kpa, repeats=7, every_s=600.0)
-    pace = _fitting_pace(_SHAPES[name], limits)
-    if pace is None:
+    time_scale = _fitting_time_scale(_SHAPES[name], limits)
+    if time_scale is None:
         return None
-    pen = _Pen(limits, pace)
+    pen = _Pen(limits, time_scale)
     words = _SHAPES[name](pen)
     return Profile(name, words, tuple(pen.time_s), tuple(pen.pressure_kpa))
 
 
-def _fitting_pace(shape: Callable[[_Pen], str], limits: Limits) -> float | None:
-    """Largest pace up to 1 at which the profile is short enough."""
+def _fitting_time_scale(shape: Callable[[_Pen], str], limits: Limits) -> float | None:
+    """Largest time_scale up to 1 at which the profile is short enough."""
 
-    def fits(pace: float) -> bool:
-        pen = _Pen(limits, pace)
+    def fits(time_scale: float) -> bool:
+        pen = _Pen(limits, time_scale)
         shape(pen)
         return pen.time_s[-1] <= limits.duration_s
 

@@ -37,9 +37,9 @@ class Settings:
     coloured_factor: float = _number(
         4.0, "1", "assumed", "prior spread of it, as a factor: from quiet to rough benches"
     )
-    gain_scatter: float = _number(0.01, "1", "assumed", "an ordinary bench, before it is seen")
-    rest_scatter_deg: float = _number(0.2, "deg", "assumed", "an ordinary bench, before it is seen")
-    time_scatter: float = _number(0.01, "1", "assumed", "an ordinary bench, before it is seen")
+    gain_scatter: float = _number(0.01, "1", "assumed", "prior: an ordinary bench")
+    rest_scatter_deg: float = _number(0.2, "deg", "assumed", "prior: an ordinary bench")
+    time_scatter: float = _number(0.01, "1", "assumed", "prior: an ordinary bench")
     dwell_error_deg: float = _number(0.15, "deg", "assumed", "a fixture made with care")
     level_alone: float = _number(
         1.0, "nat", "assumed", "spread of ln(noise level) where nothing is repeated"
@@ -52,10 +52,10 @@ class Settings:
         0.005, "1", "assumed", "error of the given model's step response, of its final value"
     )
     model_trials: float = _number(
-        4.0, "trials", "assumed", "that the given model's gain and time scale are a mean of"
+        4.0, "trials", "assumed", "the given model's gain and time scale are the mean of so many"
     )
     own_orders: float = _number(
-        0.3, "1", "assumed", "spread of the orders about a usual actuator's where nothing is known"
+        0.3, "1", "assumed", "prior spread of the orders about a typical actuator's"
     )
     own_logs: float = _number(1.0, "nat", "assumed", "the same of ln a1 and ln a0")
     own_gain: float = _number(0.4, "nat", "assumed", "the same of the static gain's logarithm")
@@ -66,39 +66,39 @@ class Settings:
     pressure_offset_kpa: float = _number(0.4, "kPa", "assumed", "zero of a pressure sensor")
     pressure_gain: float = _number(0.004, "1", "assumed", "gain error of a pressure sensor")
     pressure_lag_s: float = _number(0.03, "s", "assumed", "lag of a pressure sensor")
-    angle_late_s: float = _number(0.006, "s", "assumed", "part of a sample that a row is late by")
-    # --- what a form misses ----------------------------------------------------------------------
+    angle_late_s: float = _number(0.006, "s", "assumed", "timing error of the log")
+    # --- model discrepancy -----------------------------------------------------------------------
     search_share: float = _number(
-        0.05, "of the gap", "learned", "what right but foreign forms miss, while they are fitted"
+        0.05, "of the gap", "learned", "model discrepancy while an explanation is fitted"
     )
     right_share: float = _number(
-        0.08, "of the gap", "learned", "scale of the share that a right form leaves, exponential"
+        0.08, "of the gap", "learned", "scale of the discrepancy of a right form, exponential"
     )
-    # --- beforehand ------------------------------------------------------------------------------
+    # --- prior and evidence ----------------------------------------------------------------------
     temper: float = _number(
         0.15,
         "1",
         "learned",
-        "power of the evidence: forms are not quite true; 0.1 to 1 moves little",
+        "power of the tempered evidence; 0.1 to 1 moves little",
     )
-    none: float = _number(0.3, "probability", "assumed", "no gap, beforehand")
-    single: float = _number(0.5, "probability", "assumed", "one effect, beforehand")
-    pair: float = _number(0.2, "probability", "assumed", "two effects, beforehand")
+    none: float = _number(0.3, "probability", "assumed", "prior of no gap")
+    single: float = _number(0.5, "probability", "assumed", "prior of one effect")
+    pair: float = _number(0.2, "probability", "assumed", "prior of two effects")
     unknown: float = _number(
-        0.3, "odds", "learned", "that a set stands in for something else, against that it is right"
+        0.3, "odds", "learned", "prior: a set compensates for another cause, against it is right"
     )
     trend: float = _number(
-        0.2, "odds", "learned", "that what is left goes with the trials' order, beforehand"
+        0.2, "odds", "learned", "prior: the residual depends on the order of the trials"
     )
     shift_beside: float = _number(
-        0.02, "odds", "assumed", "a shift beside another effect: how wrong ones make up for it"
+        0.02, "odds", "assumed", "prior of a shift beside another effect: mostly compensating"
     )
     # --- what counts -----------------------------------------------------------------------------
     moves: float = _number(
         0.35, "noise floors", "assumed", "an effect that moves the angle by less is none"
     )
     moves_of_largest: float = _number(
-        0.12, "of the largest", "learned", "one that moves less may make up for that one's form"
+        0.12, "of the largest", "learned", "one that moves less may be a compensating term"
     )
     needed: float = _number(
         0.2, "noise floors", "learned", "a member without which the others do as well is none"
@@ -107,14 +107,14 @@ class Settings:
         0.1, "of what the set moves", "learned", "the same for large ones"
     )
     left: float = _number(
-        0.3, "noise floors", "learned", "structure that is left and smaller is no sign of anything"
+        0.3, "noise floors", "learned", "a smaller systematic residual is no evidence of anything"
     )
     no_gap: float = _number(
-        0.4, "noise floors", "learned", "structure that repeats and is smaller is no gap"
+        0.4, "noise floors", "learned", "a smaller systematic residual is no gap"
     )
     line_nats: float = _number(5.0, "nat", "assumed", "an interference that is worth a fit")
     # --- the answer ------------------------------------------------------------------------------
-    covered: float = _number(0.93, "probability", "learned", "that the sets named hold together")
+    covered: float = _number(0.93, "probability", "learned", "total of the sets that are named")
     least: float = _number(0.1, "probability", "learned", "below which a set is not listed")
     closes: float = _number(
         0.1, "of the gap", "assumed", "a set that closes less on held-out trials is no cause"

@@ -38,16 +38,16 @@ def typical(given: Floats, horizon_s: float) -> Floats:
     usual = np.mean([x.as_array() for x in TABLE_I.values()], axis=0)
     rise = np.log(_rise_s(given, horizon_s))
 
-    def later(log_pace: float) -> float:
-        return float(np.log(_rise_s(paced(usual, float(np.exp(log_pace))), horizon_s)) - rise)
+    def later(log_rate: float) -> float:
+        return float(np.log(_rise_s(paced(usual, float(np.exp(log_rate))), horizon_s)) - rise)
 
     ends = np.log(_SLOWEST), np.log(_FASTEST)
     signs = [later(end) for end in ends]
     if signs[0] * signs[1] < 0.0:
-        log_pace = float(brentq(later, *ends, xtol=1e-3))
+        log_rate = float(brentq(later, *ends, xtol=1e-3))
     else:
-        log_pace = float(ends[int(np.argmin(np.abs(signs)))])
-    x = paced(usual, float(np.exp(log_pace)))
+        log_rate = float(ends[int(np.argmin(np.abs(signs)))])
+    x = paced(usual, float(np.exp(log_rate)))
     end = np.array([horizon_s])
     x[4] *= float(step_response(end, *given)[0] / step_response(end, *x)[0])
     return np.asarray(x)

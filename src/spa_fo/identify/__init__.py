@@ -8,10 +8,11 @@ from spa_fo.identify.bounds import (
     printed_bounds,
     widened_bounds,
 )
+from spa_fo.identify.fit_campaign import campaign_steps, fit_campaign
 from spa_fo.identify.polish import Draws, Fits, Optimum, fit_many, fit_optimum
 from spa_fo.identify.predict import predict_campaign, predict_trial
 from spa_fo.identify.protocol import StepData, paper_selection, step_data
-from spa_fo.identify.result import FitResult, campaign_steps, fit_campaign
+from spa_fo.identify.result import FitResult
 from spa_fo.identify.swarm import SwarmResult, paper_swarm, swarm_on_map
 from spa_fo.identify.uncertainty import Uncertainty, assess
 from spa_fo.identify.whole_log import LogData, fit_whole_logs, log_data

@@ -3,7 +3,7 @@
 Every subset of trials (or many) is fitted, and the fits are compared among themselves, with the
 trials left out, and with theory: a curve with five free parameters fitted to n datasets of p
 points errs by σ_w sqrt(5/(p n)) from noise that is independent from sample to sample, and by
-σ_b/sqrt(n) from what sets trials apart (gain, offset, pace), which no number of points mends.
+σ_b/sqrt(n) from what sets trials apart (gain, offset, rate), which no number of points reduces.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from spa_fo.fractional import ResponseMap, step_map
 from spa_fo.identify.bounds import Bounds
+from spa_fo.identify.fit_campaign import campaign_steps
 from spa_fo.identify.moderate import moderate_optimum
 from spa_fo.identify.noise import trial_noise
 from spa_fo.identify.polish import Draws, Optimum, fit_many, fit_optimum
 from spa_fo.identify.protocol import StepData
-from spa_fo.identify.result import campaign_steps
 from spa_fo.plant.estimates import QUANTITIES
 from spa_fo.plant.paper import DATASETS, POINTS, TRIALS
 from spa_fo.plant.transfer_function import PARAMETERS

@@ -122,9 +122,9 @@ def fit_ludwick_per_step(data: StepData, exponent: float) -> Baseline:
 def fit_ludwick(data: StepData) -> Baseline:
     """Fit the exponent, the damping ratio, the natural frequency and the force scale."""
     level = float(np.mean(np.abs(data.angle_rad[:, -1]) / np.abs(data.u)))
-    pace = 10.0 / data.t[-1]
+    rate = 10.0 / data.t[-1]
     starts = [
-        np.array([n, DAMPING_RATIO, f * pace, max((f * pace) ** 2 * level**n, 10 * _LOWEST)])
+        np.array([n, DAMPING_RATIO, f * rate, max((f * rate) ** 2 * level**n, 10 * _LOWEST)])
         for n in _STARTING_EXPONENTS
         for f in _STARTING_FREQUENCIES
     ]
@@ -136,9 +136,9 @@ def fit_ludwick(data: StepData) -> Baseline:
 def fit_second_order(data: StepData) -> Baseline:
     """Fit gain, damping ratio and natural frequency of the linear second-order model."""
     level = float(np.mean(np.abs(data.angle_rad[:, -1]) / np.abs(data.u)))
-    pace = 10.0 / data.t[-1]
+    rate = 10.0 / data.t[-1]
     starts = [
-        np.array([max(level, 10 * _LOWEST), DAMPING_RATIO, f * pace]) for f in _STARTING_FREQUENCIES
+        np.array([max(level, 10 * _LOWEST), DAMPING_RATIO, f * rate]) for f in _STARTING_FREQUENCIES
     ]
     return _linear_baseline(_fit(data, lambda p: _scaled(_linear(p)), starts))
 

@@ -21,7 +21,7 @@ class Noise:
         Its part that changes from sample to sample, by successive differences (von Neumann 1941,
         doi:10.1214/aoms/1177731677).
     between : float
-        The rest, common to neighbouring samples: trials differ in gain, offset and pace.
+        The rest, common to neighbouring samples: trials differ in gain, offset and rate factor.
     common : float
         Standard deviation of the trials' mean deviations over time.
     points : int

@@ -10,13 +10,7 @@ from spa_fo.atomic import filling, write_text
 from spa_fo.gap.diagnose import write_files
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.gap.together import each
-from spa_fo.report.diagnosis_figures import (
-    before_after_figure,
-    gap_figure,
-    has_stages,
-    ladder_figure,
-    stages_figure,
-)
+from spa_fo.report.diagnosis_figures import before_after_figure, gap_figure, ladder_figure
 from spa_fo.report.effect_words import phrase
 from spa_fo.report.headline import opening
 from spa_fo.report.interactive_page import interactive_page
@@ -32,6 +26,7 @@ from spa_fo.report.sections import (
     shrink_part,
     where_part,
 )
+from spa_fo.report.stages_figure import has_stages, stages_figure
 from spa_fo.report.style import save_figure
 from spa_fo.report.verdict_words import verdict
 
@@ -40,16 +35,16 @@ PAGE = "diagnosis.md"
 INTERACTIVE_PAGE = "diagnosis.html"
 
 _CAPTIONS = {
-    "opening": "The experiment in which the plain model is off most: measured, the model, and with "
-    "the explanation; right, what each misses, and the noise floor as a band.",
-    "gap": "What the plain model misses over time, coloured by the command, with every trial in "
+    "opening": "The experiment that the plain model predicts worst: measured, plain model and "
+    "augmented model; right, the residuals, and the noise floor as a band.",
+    "gap": "Residual of the plain model over time, coloured by the command, with every trial in "
     "grey and the noise floor as a band; below, where the gap lies.",
-    "before_after": "Each experiment measured and modelled, and what is missed before and after; "
-    "the band is the noise floor, the faint lines are the other trials.",
-    "ladder": "The ladder of explanations: error on trials that took no part, and probability. The "
-    "explanations that stand are orange-red.",
-    "laws": "Free-form laws where they are missed: the law with a band that holds 95 %, over what "
-    "the trials visited only, and the forms that it resembles. Its straight part is taken out.",
+    "before_after": "Each experiment measured and modelled, and the residuals of plain and "
+    "augmented model; the band is the noise floor, the faint lines are the other trials.",
+    "ladder": "The explanations compared: error on held-out trials, and posterior probability. "
+    "Those of the verdict are orange-red.",
+    "laws": "Free-form laws by place in the chain, with their 95 % bands, over the range of the "
+    "trials only, and the forms that they resemble. The linear part is taken out.",
     "stages": "Between the stages: measured pressure against the command, and the sensor in the "
     "calibration fixture.",
 }
@@ -138,7 +133,7 @@ def document(diagnosis: Diagnosis, figures: Sequence[str] = ()) -> str:
         ("The parameters", [*parameter_tables(diagnosis)]),
         ("How far it shrinks", [*shrink_part(diagnosis), *_figure("before_after", figures)]),
         ("Where", [*where_part(diagnosis), *_figure("gap", figures)]),
-        ("What the evidence is", [*evidence_part(diagnosis), *_figure("stages", figures)]),
+        ("Evidence", [*evidence_part(diagnosis), *_figure("stages", figures)]),
         ("Findings", bullets(findings_part(diagnosis))),
     )
     parts: list[str] = []

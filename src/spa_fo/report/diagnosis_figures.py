@@ -1,4 +1,4 @@
-"""The figures of a diagnosis: the gap and its shares, before and after, the ladder, the stages."""
+"""The figures of a diagnosis: the gap and its shares, before and after, the explanations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, FigureBase
-from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 from spa_fo.gap.diagnosis import Diagnosis, Traces
@@ -33,7 +32,6 @@ from spa_fo.report.style import (
     GREY,
     ORANGE,
     PURPLE,
-    SKY,
     TWO_COLUMNS_IN,
     VERMILION,
     new_figure,
@@ -44,14 +42,12 @@ Floats = NDArray[np.float64]
 
 _COLUMNS = 3
 _LABEL_WIDTH = 44  # characters
-_MOST_STAGE_PANELS = 3
-_LINEAR_KPA = 5.0
-_LOOKS: dict[str, dict[str, Any]] = {
+LOOKS: dict[str, dict[str, Any]] = {
     "plain": {"color": BLUE, "linestyle": "--", "linewidth": 1.1},
     "refit": {"color": GREEN, "linestyle": ":", "linewidth": 1.3},
     "explained": {"color": VERMILION, "linestyle": "-", "linewidth": 1.3},
 }
-_DOTS: dict[str, Any] = {
+DOTS: dict[str, Any] = {
     "color": BLACK,
     "linestyle": "none",
     "marker": ".",
@@ -97,14 +93,14 @@ def gap_figure(diagnosis: Diagnosis) -> Figure:
     blocks = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     _draw_gap(blocks[0], rows, diagnosis, drawn)
     if bars:
-        panels = _panels(blocks[1], bars)
+        panels = panels_by_name(blocks[1], bars)
         for name, shares in maps.items():
             _draw_shares(panels[f"share {name}"], MAP_WORDS[name], shares)
         blocks[1].suptitle("share of the gap (%)", fontsize=8)
     return figure
 
 
-def _panels(
+def panels_by_name(
     part: FigureBase, rows: Sequence[Sequence[str]], heights: Sequence[float] | None = None
 ) -> dict[str, Axes]:
     """Lay axes out in a figure or a part of it, by name."""
@@ -117,7 +113,7 @@ def _draw_gap(
     diagnosis: Diagnosis,
     drawn: Sequence[Experiment],
 ) -> None:
-    axes_of = _panels(part, rows)
+    axes_of = panels_by_name(part, rows)
     traces, floor = diagnosis.traces, diagnosis.gap.noise_floor_deg
     missed = traces.measured_deg - traces.plain_deg
     pressure = driving(traces)
@@ -191,7 +187,7 @@ def before_after_figure(diagnosis: Diagnosis) -> Figure:
     mosaic = [row for pair in zip(angles, missed, strict=True) for row in pair]
     figure = Figure(figsize=(TWO_COLUMNS_IN, 0.6 + 2.55 * len(angles)))
     heights = [1.5, 1.0] * len(angles)
-    axes_of = _panels(figure, mosaic, heights)
+    axes_of = panels_by_name(figure, mosaic, heights)
     models = _models(diagnosis)
     handles: dict[str, Any] = {}
     for e in drawn:
@@ -207,7 +203,7 @@ def before_after_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def _explained(diagnosis: Diagnosis) -> bool:
+def has_explanation(diagnosis: Diagnosis) -> bool:
     """Say whether there is an explanation beside the plain model."""
     return bool(diagnosis.sets)
 
@@ -216,8 +212,8 @@ def _models(diagnosis: Diagnosis) -> dict[str, tuple[str, Floats]]:
     """Return what each model is called and its curve, by its look."""
     traces = diagnosis.traces
     models = {"plain": ("plain model", traces.plain_deg)}
-    if _explained(diagnosis):
-        models["refit"] = ("refit only", traces.refit_deg)
+    if has_explanation(diagnosis):
+        models["refit"] = ("plain model, refitted", traces.refit_deg)
         models["explained"] = ("augmented model", traces.explained_deg)
     return models
 
@@ -228,9 +224,9 @@ def _draw_angles(
     own = traces.trial == e.shown
     time = traces.time_s[own]
     handles: dict[str, Any] = {}
-    (handles["measured"],) = axes.plot(time, traces.measured_deg[own], **_DOTS)
+    (handles["measured"],) = axes.plot(time, traces.measured_deg[own], **DOTS)
     for look, (name, curve) in models.items():
-        (handles[name],) = axes.plot(time, curve[own], **_LOOKS[look])
+        (handles[name],) = axes.plot(time, curve[own], **LOOKS[look])
     part = ", held out" if traces.held_out[e.shown] else ""
     axes.set_title(f"{e.title}, {e.place}{part}", loc="left")
     axes.tick_params(labelbottom=False)
@@ -240,7 +236,7 @@ def _draw_angles(
 def _draw_missed(axes: Axes, diagnosis: Diagnosis, e: Experiment) -> dict[str, Any]:
     traces, floor = diagnosis.traces, diagnosis.gap.noise_floor_deg
     curves = {"plain": traces.plain_deg}
-    if _explained(diagnosis):
+    if has_explanation(diagnosis):
         curves["explained"] = traces.explained_deg
     handles = {"noise floor": axes.axhspan(-floor, floor, color=GREY, alpha=0.3, linewidth=0)}
     sizes = []
@@ -248,7 +244,7 @@ def _draw_missed(axes: Axes, diagnosis: Diagnosis, e: Experiment) -> dict[str, A
         missed = traces.measured_deg - curve
         for i in e.trials:
             own = traces.trial == i
-            colour = _LOOKS[look]["color"]
+            colour = LOOKS[look]["color"]
             if i == e.shown:
                 axes.plot(traces.time_s[own], missed[own], color=colour, linestyle="-")
                 sizes.append(f"{rms(traces.time_s[own], missed[own]):.2f}°")
@@ -338,14 +334,14 @@ def _rungs(diagnosis: Diagnosis) -> list[_Rung]:
         before = diagnosis.gap.rmse_deg
     rungs = [_Rung("plain model", before, probability_of(causes, "none"), BLUE)]
     if shrink is not None:
-        rungs.append(_Rung("refit only", shrink.refit_only_rmse_deg, None, GREEN))
+        rungs.append(_Rung("plain model, refitted", shrink.refit_only_rmse_deg, None, GREEN))
     for cause in named(causes, MOST_CAUSES):
         colour = VERMILION if cause.set in diagnosis.sets else ORANGE
         error = cause.held_out_rmse_deg if held_out else None
         rungs.append(_Rung(phrase(cause.set, " + "), error, cause.probability, colour))
     rungs.append(_Rung(phrase(("unknown",)), None, probability_of(causes, "unknown"), GREY))
     if shrink is not None and shrink.ceiling_rmse_deg is not None:
-        rungs.append(_Rung("free-form correction", shrink.ceiling_rmse_deg, None, PURPLE))
+        rungs.append(_Rung("refitted + mean residual", shrink.ceiling_rmse_deg, None, PURPLE))
     return rungs
 
 
@@ -359,113 +355,3 @@ def _write_beside(axes: Axes, text: str, value: float, place: int) -> None:
         fontsize=6,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.3},
     )
-
-
-def has_stages(traces: Traces) -> bool:
-    """Say whether pressure was measured beside a command, or the sensor calibrated."""
-    pressure = traces.pressure_kpa is not None and has_command(traces)
-    return pressure or traces.fixture_deg.size > 0
-
-
-@styled
-def stages_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw what was measured between the stages: pressure against command, sensor in the fixture.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        With a measured pressure or a calibration (see `has_stages`).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    traces = diagnosis.traces
-    drive = _drive_experiments(traces)
-    names = [e.name for e in drive]
-    mosaic, heights = [], []
-    if drive:
-        mosaic += [[f"pressure {n}" for n in names], [f"lost {n}" for n in names]]
-        heights += [1.3, 1.0]
-    if traces.fixture_deg.size:
-        mosaic.append(["fixture"] * max(len(names), 1))
-        heights.append(1.4)
-    figure = Figure(figsize=(TWO_COLUMNS_IN, 0.6 + 1.2 * sum(heights)))
-    axes_of = _panels(figure, mosaic, heights)
-    for e in drive:
-        _draw_pressure(axes_of[f"pressure {e.name}"], axes_of[f"lost {e.name}"], traces, e)
-    if drive:
-        axes_of[f"pressure {names[0]}"].set_ylabel("pressure (kPa)")
-        axes_of[f"lost {names[0]}"].set_ylabel("pressure −\ncommand (kPa)")
-        axes_of[f"lost {names[0]}"].set_title(
-            f"logarithmic beyond ±{_LINEAR_KPA:g} kPa", loc="left", fontsize=6
-        )
-        handles, labels = axes_of[f"pressure {names[0]}"].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
-    if traces.fixture_deg.size:
-        _draw_fixture(axes_of["fixture"], diagnosis)
-    return figure
-
-
-def _drive_experiments(traces: Traces) -> list[Experiment]:
-    """Return the experiments in which the pressure strays most from the command."""
-    pressure = traces.pressure_kpa
-    if pressure is None or not has_command(traces):
-        return []
-    every = experiments(traces)
-
-    def strays(e: Experiment) -> float:
-        own = traces.trial == e.shown
-        return rms(traces.time_s[own], pressure[own] - traces.command_kpa[own])
-
-    chosen = sorted(every, key=strays, reverse=True)[:_MOST_STAGE_PANELS]
-    return [e for e in every if e in chosen]
-
-
-def _draw_pressure(above: Axes, below: Axes, traces: Traces, e: Experiment) -> None:
-    own = traces.trial == e.shown
-    time, command = traces.time_s[own], traces.command_kpa[own]
-    assert traces.pressure_kpa is not None
-    measured = traces.pressure_kpa[own]
-    above.plot(time, command, color=BLUE, linestyle="--", linewidth=1.0, label="command")
-    above.plot(time, measured, label="measured", **_DOTS)
-    below.axhline(0.0, color=BLUE, linestyle="--", linewidth=1.0)
-    below.plot(time, measured - command, **_DOTS)
-    if traces.drive_kpa is not None:
-        look = _LOOKS["explained"]
-        above.plot(time, traces.drive_kpa[own], label="explained", **look)
-        below.plot(time, traces.drive_kpa[own] - command, **look)
-    above.set_title(f"drive: {e.title}", loc="left")
-    above.tick_params(labelbottom=False)
-    # Edges of the command are missed by tens of kPa for an instant; a droop is a few.
-    below.set_yscale("symlog", linthresh=_LINEAR_KPA)
-    below.set_yticks([-50, -_LINEAR_KPA, 0, _LINEAR_KPA, 50])
-    below.yaxis.set_major_formatter(ScalarFormatter())
-    below.yaxis.set_minor_locator(NullLocator())
-    reach = 2.0 * max(float(np.abs(measured - command).max()), _LINEAR_KPA)
-    below.set_ylim(-reach, reach)
-    below.set_xlabel("time (s)")
-
-
-def _draw_fixture(axes: Axes, diagnosis: Diagnosis) -> None:
-    traces = diagnosis.traces
-    window = np.arange(traces.fixture_deg.size)
-    known = axes.twinx()
-    known.step(
-        window, traces.fixture_angle_deg, where="mid", color=SKY, linestyle="-", linewidth=0.8
-    )
-    known.set_ylabel("known angle (°)", color=BLUE)
-    known.grid(visible=False)
-    known.spines["right"].set_visible(True)
-    axes.set_zorder(known.get_zorder() + 1)
-    axes.patch.set_visible(False)
-    axes.plot(window, traces.fixture_deg, label="measured", **_DOTS)
-    if _explained(diagnosis):
-        axes.plot(window, traces.fixture_explained_deg, label="explained", **_LOOKS["explained"])
-    # A sensor without fault shows its noise alone: do not blow it up.
-    reach = 1.15 * max(float(np.abs(traces.fixture_deg).max()), 0.5 * diagnosis.gap.noise_floor_deg)
-    axes.set_ylim(-reach, reach)
-    axes.set_xlabel("calibration dwells, window by window")
-    axes.set_ylabel("misread (°)")
-    axes.set_title("sensor: what the curve misreads in the calibration fixture", loc="left")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)

@@ -54,20 +54,20 @@ def _answer(document: Mapping[str, Any]) -> str:
     verdict = document["verdict"]
     sets = [f"{phrase(ids)} ({percent(probability(document, ids))})" for ids in verdict["sets"]]
     if verdict["kind"] == "no_gap":
-        return "No gap: the model stands as it is."
+        return "No gap above the noise floor."
     if verdict["kind"] == "cause":
         return f"Cause: {sets[0]}."
     if verdict["kind"] == "ambiguous":
         return f"Ambiguous, these data cannot tell apart: {joined(sets, 'and')}."
     chance = percent(probability(document, ["unknown"]))
     lacking = f"Unknown: nothing in the library explains it ({chance})"
-    return f"{lacking}; a part is like {phrase(verdict['sets'][0])}." if sets else f"{lacking}."
+    return f"{lacking}; a part resembles {phrase(verdict['sets'][0])}." if sets else f"{lacking}."
 
 
 def _sizes(document: Mapping[str, Any]) -> str:
     gap, shrink = document["gap"], document["shrink"]
     missed = (
-        f"The model misses the campaign by {gap['rmse_deg']:.2f}°, repeated trials "
+        f"The model's RMS error is {gap['rmse_deg']:.2f}°, repeated trials "
         f"{_differ(document)} {gap['noise_floor_deg']:.2f}°"
     )
     if shrink is None:
@@ -108,11 +108,11 @@ def _missed(document: Mapping[str, Any]) -> str:
     gap = document["gap"]
     error, floor = gap["rmse_deg"], gap["noise_floor_deg"]
     scatter = f"repeated trials {_differ(document)}"
-    text = f"The model is off by {error:.2f}° (RMS)"
+    text = f"The RMS error of the model is {error:.2f}°"
     if document["verdict"]["kind"] == "no_gap":
         return f"{text}, which is no more than {scatter} ({floor:.2f}°)"
     if error <= floor:
-        return f"{text} in the same way every time, though {scatter} {floor:.2f}°"
+        return f"{text}, the same in every trial, though {scatter} {floor:.2f}°"
     return f"{text}, {error / floor:.1f} times what {scatter} ({floor:.2f}°)"
 
 
@@ -139,7 +139,7 @@ def _blamed(document: Mapping[str, Any]) -> str:
         found += [f"one of {more} more"] if more else []
         return f", and these data leave open whether that is {joined(found, 'or')}"
     sure = _how_sure(document, ["unknown"])
-    return f", and no effect that the diagnosis knows explains that ({sure})"
+    return f", and no effect of the library explains it ({sure})"
 
 
 def _following(document: Mapping[str, Any]) -> str:
@@ -154,17 +154,19 @@ def _following(document: Mapping[str, Any]) -> str:
 
 def _closed(document: Mapping[str, Any]) -> str:
     shrink, kind = document["shrink"], document["verdict"]["kind"]
-    trials = "trials that it has not seen" if _held_out(document) else "the fitted trials"
+    trials = "held-out trials" if _held_out(document) else "the fitted trials"
     carried = [law for law in document.get("laws", ()) if law["in_model"]]
     if carried:
         return (
-            "No cause has a name, but with a free-form law of "
+            "No effect of the library is the cause, but with a free-form law of "
             f"{PLACES[carried[0]['place']].words} in the model "
             f"{percent(carried[0]['fraction_closed'])} of the gap closes on {trials}"
         )
     if shrink is None:
         return "Nothing is explained so far, so the model stays as it is"
-    what = {"cause": "that", "ambiguous": "the first of them", "unknown": "the best stand-in"}[kind]
+    what = {"cause": "that", "ambiguous": "the first of them", "unknown": "the explained part"}[
+        kind
+    ]
     return (
         f"With {what} in the model the error on {trials} goes from "
         f"{shrink['before_rmse_deg']:.2f}° to {shrink['after_rmse_deg']:.2f}°, which closes "

@@ -1,4 +1,4 @@
-"""What a log of unknown make holds, drawn: what was commanded, what was measured, its pace."""
+"""What a log of unknown make holds, drawn: what was commanded, what was measured, its sampling."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from spa_fo.report.style import (
     save_figure,
     styled,
 )
-from spa_fo.rig.inspect_log import PAUSE, Inspection
+from spa_fo.rig.inspection import PAUSE, Inspection
 
 
 def write_inspect_figure(inspection: Inspection, stem: Path | str) -> tuple[Path, Path]:
@@ -95,7 +95,7 @@ def _draw_input(axes: Axes, inspection: Inspection) -> None:
 def _draw_steps(axes: Axes, inspection: Inspection) -> None:
     """Draw each step of time, the pauses marked."""
     steps_ms = 1e3 * np.diff(inspection.t_s)
-    usual_ms = 1e3 * inspection.pace.step_s
+    usual_ms = 1e3 * inspection.sampling.step_s
     late = steps_ms > PAUSE * usual_ms
     axes.plot(inspection.t_s[1:], steps_ms, ".", color=BLUE, markersize=1.5)
     axes.plot(inspection.t_s[1:][late], steps_ms[late], "x", color=VERMILION, markersize=4)

@@ -106,7 +106,7 @@ def _draw_angles(figure: go.Figure, diagnosis: Diagnosis, rows: Integers) -> Non
         look: dict[str, Any] = {"line": {"color": VERMILION, "width": 2}}
         curves.append(("augmented model", traces.explained_deg, look))
         look = {"line": {"color": GREEN, "width": 2, "dash": "dot"}, "visible": "legendonly"}
-        curves.append(("plain model, fitted again", traces.refit_deg, look))
+        curves.append(("plain model, refitted", traces.refit_deg, look))
     for name, curve, options in curves:
         figure.add_scatter(
             x=_short(traces.time_s[rows]),
@@ -121,11 +121,11 @@ def _draw_angles(figure: go.Figure, diagnosis: Diagnosis, rows: Integers) -> Non
 def _draw_missed(figure: go.Figure, diagnosis: Diagnosis, rows: Integers) -> None:
     traces = diagnosis.traces
     curves: list[tuple[str, Floats, dict[str, Any]]] = [
-        ("missed by the plain model", traces.plain_deg, {"color": BLUE, "dash": "dash"})
+        ("residual of the plain model", traces.plain_deg, {"color": BLUE, "dash": "dash"})
     ]
     if diagnosis.sets:
         explained = traces.explained_deg
-        curves.append(("missed by the augmented model", explained, {"color": VERMILION}))
+        curves.append(("residual of the augmented model", explained, {"color": VERMILION}))
     for name, curve, line in curves:
         figure.add_scatter(
             x=_short(traces.time_s[rows]),
@@ -187,5 +187,5 @@ def _band_words(floor: float) -> dict[str, Any]:
 
 
 def _origin(diagnosis: Diagnosis, e: Experiment) -> str:
-    part = ", seen by no fit" if diagnosis.traces.held_out[e.shown] else ""
+    part = ", held out" if diagnosis.traces.held_out[e.shown] else ""
     return f"{diagnosis.provenance} data; {diagnosis.campaign}, {e.title}, {e.place}{part}"

@@ -36,8 +36,8 @@ from spa_fo.report.verdict_words import judged
 
 _HERE = Path(__file__).parent
 _LADDER = (
-    "The plain model fitted again is what any explanation has to beat; the noise floor is the "
-    "scatter of the measurement, and no model can stay below it."
+    "An explanation has to beat the refitted plain model; the noise floor is the scatter of "
+    "repeated trials, and no model can stay below it."
 )
 
 
@@ -98,12 +98,12 @@ def _body(diagnosis: Diagnosis, titles: Sequence[str], laws_png: bytes | None) -
     if words:
         yield _headed("The effects and their parameters", f"<dl>{words}</dl>\n{tables}{_TYPICAL}")
     yield from _section("Findings", bullets(findings_part(diagnosis)))
-    yield from _section("What the evidence is", list(evidence_part(diagnosis)))
+    yield from _section("Evidence", list(evidence_part(diagnosis)))
 
 
 _TYPICAL = (
-    '<p class="note">Typical size: where the library expects two thirds of all actuators, before '
-    "it has seen one. Intervals hold if the explanation is right.</p>\n"
+    '<p class="note">Typical size: the prior, which holds two thirds of all actuators. '
+    "Intervals are conditional on the explanation.</p>\n"
 )
 
 
@@ -120,7 +120,7 @@ def _opening(diagnosis: Diagnosis, titles: Sequence[str]) -> Iterator[str]:
     options = "".join(f"<option>{html.escape(title)}</option>" for title in titles)
     yield f'<p><label>Experiment <select id="experiment">{options}</select></label> '
     yield (
-        '<span class="note">first the one in which the model is off most; drag to zoom, double '
+        '<span class="note">first the one with the largest residual; drag to zoom, double '
         "click to zoom out, click on a name to hide or show it</span></p>\n"
         '<div id="picture"></div>\n'
     )
@@ -131,7 +131,7 @@ def _picture(png: bytes | None) -> str:
     if png is None:
         return ""
     data = base64.b64encode(png).decode("ascii")
-    return f'<p><img alt="the laws over what was visited" src="data:image/png;base64,{data}"></p>'
+    return f'<p><img alt="free-form laws with bands" src="data:image/png;base64,{data}"></p>'
 
 
 def _headed(title: str, body: str) -> str:
@@ -152,8 +152,8 @@ def _ladder(diagnosis: Diagnosis) -> str:
         on, floor = judged(diagnosis), shrink.noise_floor_deg
         rungs = {
             "plain model": ("plain", shrink.before_rmse_deg),
-            "plain model, fitted again": ("refit", shrink.refit_only_rmse_deg),
-            "with the explanation": ("explained", shrink.after_rmse_deg),
+            "plain model, refitted": ("refit", shrink.refit_only_rmse_deg),
+            "augmented model": ("explained", shrink.after_rmse_deg),
         }
     rungs["noise floor"] = ("floor", floor)
     said = html_of("\n\n".join(shrink_words(diagnosis)))

@@ -83,16 +83,16 @@ def law_table(diagnosis: Diagnosis) -> list[str]:
         )
         for law in diagnosis.laws
     ]
-    head = ("what is missed", "stage", "probability", "closes on unseen trials", "resembles")
+    head = ("missing law", "stage", "probability", "gap closed, held out", "resembles")
     lines = [" | ".join(head), ":--|:--|--:|--:|:--", *(" | ".join(row) for row in rows)]
     table = "\n".join(f"|{line}|" if line.startswith(":") else f"| {line} |" for line in lines)
     carried = [PLACES[law.place].words for law in diagnosis.laws if law.carried]
     beside = diagnosis.laws[0].beside
     by = f" beside {phrase(beside)}" if beside else ""
     return [
-        "No name fits, so a smooth law of no given form was tried at every place of the "
-        f"chain{by}. Its straight part belongs to gain and coefficients and is taken out. "
-        "Probabilities are among the places, for a single law.",
+        "No effect of the library explains the gap, so a smooth free-form law was fitted at every "
+        f"place of the chain{by}. Its linear part belongs to gain and coefficients and is taken "
+        "out. Probabilities are among the places, for a single law.",
         table,
         *(f"The augmented model carries the law of **{words}**." for words in carried),
     ]

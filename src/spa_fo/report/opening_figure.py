@@ -65,7 +65,7 @@ def _draw_angle(axes: Axes, diagnosis: Diagnosis, shown: Experiment) -> None:
 def _draw_missed(axes: Axes, diagnosis: Diagnosis) -> None:
     floor = diagnosis.gap.noise_floor_deg
     axes.axhspan(-floor, floor, color=GREY, alpha=0.3, linewidth=0, label="noise floor")
-    axes.set_title("what the models miss", loc="left")
+    axes.set_title("residuals", loc="left")
     axes.set_xlabel("time (s)")
     axes.set_ylabel("measured − model (°)")
 

@@ -42,19 +42,21 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     """Say what to do next, a line each, most telling first."""
     written = [step_line(step) for step in diagnosis.next_steps]
     if diagnosis.kind == "no_gap":
-        return ["Use the model as it is.", *(f"To look closer: {line}" for line in written)]
+        return ["Use the model as it is.", *(f"To test it further: {line}" for line in written)]
     if diagnosis.kind == "cause":
         mended = [
             _sentence(f"{phrase((effect,))}: {words_of(effect).remedy}")
             for effect in diagnosis.sets[0]
         ]
-        return [*mended, *(f"To be surer: {line}" for line in written), _USE_MODEL]
+        return [*mended, *(f"To confirm it: {line}" for line in written), _USE_MODEL]
     if diagnosis.kind == "ambiguous":
-        first = f"{_USE_MODEL} It holds the first explanation; its parameters are no physics before"
+        first = (
+            f"{_USE_MODEL} It holds the first explanation; do not interpret its parameters before"
+        )
         return [*written, f"{first} the others are ruled out."]
-    look = "Trust no name here: look at the rig where and when the gap is largest."
+    look = "No effect is identified: inspect the rig where and when the gap is largest."
     held = ["the part that is explained"] if diagnosis.sets else []
-    held += ["a law without a name"] if any(law.carried for law in diagnosis.laws) else []
+    held += ["a free-form law"] if any(law.carried for law in diagnosis.laws) else []
     part = [f"{_USE_MODEL} It holds {joined(held, 'and')}."] if held else []
     return [*written, look, *part]
 
@@ -70,7 +72,7 @@ def step_line(step: Step) -> str:
     )
     if one and other:
         return f"{line} It tells {one} from {other}."
-    return f"{line} It tells whether {one or other} has a part in it."
+    return f"{line} It tells whether {one or other} contributes."
 
 
 def cause_table(diagnosis: Diagnosis) -> str:
@@ -129,9 +131,9 @@ def shrink_part(diagnosis: Diagnosis) -> Iterator[str]:
         return
     rows = [
         ("plain model", shrink.before_rmse_deg),
-        ("refit only", shrink.refit_only_rmse_deg),
-        ("**with the explanation**", shrink.after_rmse_deg),
-        ("free-form correction (no physics)", shrink.ceiling_rmse_deg),
+        ("plain model, refitted", shrink.refit_only_rmse_deg),
+        ("**augmented model**", shrink.after_rmse_deg),
+        ("refitted model plus mean residual (no physics)", shrink.ceiling_rmse_deg),
         ("noise floor", shrink.noise_floor_deg),
     ]
     yield _table(
@@ -148,7 +150,7 @@ def shrink_words(diagnosis: Diagnosis) -> list[str]:
     if shrink is None and diagnosis.kind == "no_gap":
         return ["There is no gap to close."]
     if shrink is None:
-        return ["Nothing is explained, so there is nothing to hold against unseen trials."]
+        return ["Nothing is explained, so there is nothing to validate on held-out trials."]
     low, high = shrink.ci95
     found = [
         f"On {judged(diagnosis)} the explanation closes **{percent(shrink.fraction_closed)}** of "
@@ -157,7 +159,7 @@ def shrink_words(diagnosis: Diagnosis) -> list[str]:
     if shrink.protocol is not None:
         other = shrink.protocol
         found.append(
-            f"On an experiment that took no part ({other['held_out_on']}; chosen among the leading "
+            f"On a held-out experiment ({other['held_out_on']}; chosen among the leading "
             f"explanations and fitted without it: {phrase(other['set'])}): "
             f"{other['before_rmse_deg']:.2f}° → {other['after_rmse_deg']:.2f}°, "
             f"{percent(other['fraction_closed'])} of the gap closed."

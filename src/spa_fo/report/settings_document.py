@@ -15,17 +15,16 @@ from spa_fo.edge import bad_input_exits
 from spa_fo.gap.settings import SETTINGS, Origin, Settings
 
 _HEAD = """\
-# Numbers of the diagnosis
+# Settings of the diagnosis
 
-The numbers that [a diagnosis](diagnosis.md) weighs by: unit, where each comes from, and why. They
-stand in one place, `src/spa_fo/gap/settings.py`, and this page is written from it by
+The priors and thresholds of [a diagnosis](diagnosis.md): value, unit, origin and reason. Written
+from `src/spa_fo/gap/settings.py` by
 `python -m spa_fo.report.settings_document docs`. There are {total} of them: {counts}.
 
 - **derived**: follows from something else, by the reason given;
-- **learned**: from opened cases of the rig that is for learning, in drawn surroundings, never from
-  those that judge;
+- **learned**: from training cases of the virtual rig, never from those of the benchmark;
 - **measured**: on real actuators or on the machine;
-- **assumed**: set by hand. A debt: nothing shows yet that another value would not do as well.
+- **assumed**: set by hand; another value may do as well.
 
 What is plausible of each effect's parameters stands apart, in
 `src/spa_fo/plant/effects/`; how finely things are computed stands beside the code that

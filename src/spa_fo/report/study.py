@@ -38,7 +38,7 @@ def campaign_table(materials: Sequence[PublishedMaterial]) -> Table:
     """
     return Table(
         pd.DataFrame([_row(material) for material in worst_first(materials)]),
-        f"Every campaign and why its model is off, {_ORDER}",
+        f"Every campaign and why its model is wrong, {_ORDER}",
         joint_provenance(materials),
         {
             **dict.fromkeys(("RMSE (°)", "noise floor (°)"), ".2f"),
@@ -81,7 +81,7 @@ def openings_markdown(materials: Sequence[PublishedMaterial]) -> Iterator[str]:
         kind = material.campaign.provenance.kind
         yield f"**{material.label}** ({kind} data). {' '.join(opening(material.diagnosis))}"
         yield f"![{material.label}]({material.name}/diagnosis/opening.png)"
-        yield f"To zoom into: [{PAGE}]({material.name}/{PAGE})."
+        yield f"Interactive: [{PAGE}]({material.name}/{PAGE})."
 
 
 def _opening_html(material: PublishedMaterial) -> str:
@@ -91,9 +91,9 @@ def _opening_html(material: PublishedMaterial) -> str:
     return (
         f'<div class="opening"><p><b>{label}</b> ({material.campaign.provenance.kind} data). '
         f"{sentences}</p>\n"
-        f'<img alt="{label}: measured, the models, and what each misses" '
+        f'<img alt="{label}: measured, the models, and their residuals" '
         f'src="data:image/png;base64,{picture}">\n'
-        f'<p>To zoom into, beside this report: <a href="{place}">{place}</a></p></div>\n'
+        f'<p>Interactive, beside this report: <a href="{place}">{place}</a></p></div>\n'
     )
 
 

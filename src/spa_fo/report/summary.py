@@ -23,14 +23,13 @@ from spa_fo.report.tables import Table, write_table
 
 # What there is to see in each figure, in the order a reader asks.
 _CAPTIONS = {
-    "calibration": "Flex sensor against known angles: the curve every angle came through, its "
+    "calibration": "Flex sensor against known angles: the calibration curve, its "
     "hysteresis and uncertainty, and its drift until the later calibration.",
     "step_responses": "Step responses as in the paper's Figs. 4 and 5: the trials, their mean, and "
     "the models.",
-    "whole_logs": "One trial of each experiment in full, with what the model predicts and what it "
-    "misses.",
-    "identifiability": "How far the fit worsens when one parameter is held and the others are "
-    "fitted again: a flat curve means the data do not determine it.",
+    "whole_logs": "One trial of each experiment in full: measured, predicted, and the residual.",
+    "identifiability": "Profile likelihood of each parameter: where it is flat, the data do not "
+    "determine it.",
     "ablation": "How the error of the curve and the spread of the parameters depend on the number "
     "of datasets and points, and what outliers do.",
 }

@@ -19,16 +19,14 @@ def verdict(diagnosis: Diagnosis) -> str:
     differ = "differ" if gap.repeats else "would be expected to differ"
     if diagnosis.kind == "no_gap":
         return (
-            f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}°, which repeated trials "
-            f"account for: they {differ} by {gap.noise_floor_deg:.2f}° among themselves "
-            f"({_chance(diagnosis)}). There is **no gap** to explain: the model stands as it is."
+            f"The RMS error of the model on {diagnosis.campaign} is {gap.rmse_deg:.2f}°, which the "
+            f"noise floor accounts for: repeated trials {differ} by {gap.noise_floor_deg:.2f}° "
+            f"({_chance(diagnosis)}). There is **no gap** to explain."
         )
-    against = (
-        "where" if gap.rmse_deg > gap.noise_floor_deg else "in the same way every time, though"
-    )
+    against = "where" if gap.rmse_deg > gap.noise_floor_deg else "the same in every trial, though"
     size = (
-        f"The model misses {diagnosis.campaign} by {gap.rmse_deg:.2f}° {against} repeated trials "
-        f"{differ} by {gap.noise_floor_deg:.2f}° among themselves "
+        f"The RMS error of the model on {diagnosis.campaign} is {gap.rmse_deg:.2f}°, {against} "
+        f"repeated trials {differ} by {gap.noise_floor_deg:.2f}° "
         f"({_chance(diagnosis)}){_mostly(diagnosis)}."
     )
     cause = {"cause": _one_cause, "ambiguous": _several_causes, "unknown": _no_cause}

@@ -15,7 +15,8 @@ from spa_fo.rig.campaign_files import read_document
 from spa_fo.rig.command_profile import CommandProfile
 from spa_fo.rig.live_check import USUAL_SENSOR, Finding, check_log
 from spa_fo.rig.live_view import LiveView
-from spa_fo.rig.record_command import Interruption, tell
+from spa_fo.rig.record_command import tell
+from spa_fo.rig.record_series import Interruption
 from spa_fo.rig.recorder import Outcome, record_trial
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log, read_spa_rig_log
 

@@ -41,7 +41,7 @@ class Followed:
 
 
 @dataclass(frozen=True)
-class Pace:
+class SampleClock:
     """How t_us grows with seq: one period a sample, give or take the tolerance (µs)."""
 
     period_us: float
@@ -64,8 +64,8 @@ class Pace:
         return abs(self.lead(seq_i, t_i, seq_j, t_j)) <= allowed
 
 
-def pace(seq: Sequence[int], t_us: Sequence[int], nominal_us: float) -> Pace:
-    """Estimate the pace from rows next to each other: median step, and its scatter.
+def sample_clock(seq: Sequence[int], t_us: Sequence[int], nominal_us: float) -> SampleClock:
+    """Estimate the sample clock from rows next to each other: median step, and its scatter.
 
     The tolerance is `_JITTER` of a period, or more where the log itself is that irregular.
     """
@@ -73,13 +73,13 @@ def pace(seq: Sequence[int], t_us: Sequence[int], nominal_us: float) -> Pace:
     steps = steps[np.diff(np.asarray(seq, dtype=np.int64)) == 1]
     period = float(np.median(steps)) if steps.size else 0.0
     if period <= 0.0:
-        return Pace(nominal_us, _JITTER * nominal_us)
+        return SampleClock(nominal_us, _JITTER * nominal_us)
     scatter = 1.4826 * float(np.median(np.abs(steps - period)))
-    return Pace(period, max(_JITTER * period, 5.0 * scatter))
+    return SampleClock(period, max(_JITTER * period, 5.0 * scatter))
 
 
 def follow(
-    seq: Sequence[int], t_us: Sequence[int], content: Sequence[Hashable], pace: Pace
+    seq: Sequence[int], t_us: Sequence[int], content: Sequence[Hashable], clock: SampleClock
 ) -> Followed:
     """Sort the rows between two banners into runs of one clock, duplicates and the implausible.
 
@@ -89,7 +89,7 @@ def follow(
         As logged, in line order.
     content : sequence of hashable, length n
         Equal for rows that are byte for byte the same.
-    pace : Pace
+    clock : SampleClock
         Of the whole log.
 
     Returns
@@ -101,15 +101,15 @@ def follow(
     """
 
     def lead(i: int, j: int) -> int:
-        return pace.lead(seq[i], t_us[i], seq[j], t_us[j])
+        return clock.lead(seq[i], t_us[i], seq[j], t_us[j])
 
     def follows(i: int, j: int) -> bool:
-        return pace.follows(seq[i], t_us[i], seq[j], t_us[j])
+        return clock.follows(seq[i], t_us[i], seq[j], t_us[j])
 
     def extend(run: Run, j: int) -> None:
         if run.rows:
             i = run.rows[-1]
-            elapsed = round((seq[j] - seq[i]) * pace.period_us) + lead(i, j)
+            elapsed = round((seq[j] - seq[i]) * clock.period_us) + lead(i, j)
             run.ticks.append(run.ticks[-1] + elapsed)
         else:
             run.ticks.append(t_us[j])

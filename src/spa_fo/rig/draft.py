@@ -16,7 +16,8 @@ from spa_fo.places import log_folder
 from spa_fo.rig import checksums
 from spa_fo.rig.campaign import Protocol
 from spa_fo.rig.csv_log import read_csv_log
-from spa_fo.rig.inspect_log import Inspection, inspect_log
+from spa_fo.rig.inspect_log import inspect_log
+from spa_fo.rig.inspection import Inspection
 from spa_fo.rig.log_format import DATETIME, Column, LogFormat
 from spa_fo.rig.protocol_guess import guess_protocol, same_command
 from spa_fo.rig.raw import read_bytes

@@ -3,35 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from spa_fo.rig.column_traits import BY_NAME, ColumnTraits, traits_of, written_unit
 from spa_fo.rig.csv_log import longest_increasing
 from spa_fo.rig.delimited import Table
 from spa_fo.rig.log_format import DATETIME, Column
-from spa_fo.rig.units import Kind, Unit, unit_of_name
 
 Floats = npt.NDArray[np.float64]
 
-# Words in the languages of the logs met so far, as the parts of a name: t_s is t and s.
-_WORDS = {
-    "time": "t time timestamp clock elapsed zeit tijd temps micros millis sec secs seconds",
-    "command": "cmd command commanded setpoint set target desired des ref reference pd pwm input",
-    "pressure": "p pressure press druck pressione pm gauge manifold",
-    "angle": "angle bend bending theta phi pitch roll yaw winkel hoek rotation deg degrees rad",
-    "flex_adc": "flex adc raw counts bendsensor",
-}
-_BY_NAME = "its name says so"
 _TIME_UNITS = ("s", "ms", "us", DATETIME)
 _PRESSURE_UNITS = ("Pa", "hPa", "kPa", "bar", "psi")
 _ANGLE_UNITS = ("deg", "rad")
 _ATMOSPHERE = {"Pa": 101_325.0, "hPa": 1013.25, "kPa": 101.325}  # bar and psi: too near 1 and 15
-_FEWEST = 0.05  # share of the rows that must hold a number
 _PLAUSIBLE_RATES_HZ = (4.0, 5000.0)
 _FINE = 0.5  # share of rows with a time of their own, below which a clock is a coarse one
 _MOVED = 0.02  # of a command's range
@@ -46,65 +34,6 @@ class Guess:
     column: Column
     why: str
     rivals: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
-class _Look:
-    """One column at a glance; `values` hold its finite numbers alone."""
-
-    place: int
-    values: Floats
-    words: frozenset[str]
-    written: Unit | None
-    share: float
-
-    @property
-    def unit(self) -> str:
-        """The unit of campaign.yaml that the values are in; empty where it is not known."""
-        return self.written.unit if self.written is not None else ""
-
-    @property
-    def scale(self) -> float:
-        """What the raw numbers are to be multiplied by to be in `unit`."""
-        return self.written.scale if self.written is not None else 1.0
-
-    @property
-    def range(self) -> float:
-        """From the 1st to the 99th percentile: a dropout must not count."""
-        return float(np.subtract(*np.percentile(self.values, [99.0, 1.0])))
-
-    @property
-    def repeats(self) -> float:
-        return float(np.mean(np.diff(self.values) == 0.0))
-
-    @property
-    def fineness(self) -> float:
-        """Share of the rows with a value of their own."""
-        return float(np.unique(self.values).size / self.values.size)
-
-    def named(self, role: str) -> bool:
-        return bool(self.words & set(_WORDS[role].split()))
-
-    def moves(self) -> bool:
-        return bool(np.ptp(self.values) > 0.0)
-
-    def measures(self, kind: Kind) -> bool:
-        """Say whether its unit, where it has one, is one of `kind`."""
-        return self.written is None or self.written.kind == kind
-
-    def why(self) -> str:
-        """Say what its name tells, and what of its unit is in doubt."""
-        if self.written is None or self.written.kind == "other":
-            return _BY_NAME
-        scaled = f"; {self.written.written} is {self.scale:.6g} {self.unit}"
-        doubt = f"; UNSURE: {self.written.doubt}" if self.written.doubt else ""
-        return _BY_NAME + (scaled if self.scale != 1.0 else "") + doubt
-
-    def column(
-        self, unit: str, offset: float = 0.0, rest: Literal["zero", "keep"] = "keep"
-    ) -> Column:
-        """Return what campaign.yaml says of it."""
-        return Column(self.place + 1, unit, self.scale, offset + 0.0, rest)
 
 
 def guess_columns(table: Table) -> dict[str, Guess]:
@@ -125,10 +54,12 @@ def guess_columns(table: Table) -> dict[str, Guess]:
     dict of str to Guess
         Without a key ``time`` where nothing rises.
     """
-    units = [_written_unit(table, place) for place in range(table.width)]
+    units = [written_unit(table, place) for place in range(table.width)]
     scales = [1.0 if unit is None else unit.scale for unit in units]
     table = dataclasses.replace(table, values=table.values * scales)
-    looks = [look for i, unit in enumerate(units) if (look := _look(table, i, unit)) is not None]
+    looks = [
+        look for i, unit in enumerate(units) if (look := traits_of(table, i, unit)) is not None
+    ]
     found: dict[str, Guess] = {}
     clock = _guess_time(looks, table)
     if clock is None:
@@ -157,29 +88,7 @@ def rest_rows(values: Floats) -> int:
     return int(np.argmax(moved)) if moved.any() else int(values.size)
 
 
-def _written_unit(table: Table, place: int) -> Unit | None:
-    if place in table.stamps:
-        return Unit("", "time", DATETIME, doubt=table.stamps[place].doubt)
-    name = table.names[place] if table.names else ""
-    return unit_of_name(name, table.units[place] if table.units else "")
-
-
-def _look(table: Table, place: int, unit: Unit | None) -> _Look | None:
-    column = table.values[:, place]
-    values = column[np.isfinite(column)]
-    if values.size < max(2, _FEWEST * column.size):
-        return None
-    words = _words(table.names[place] if table.names else "")
-    return _Look(place, values, words, unit, float(values.size / column.size))
-
-
-def _words(name: str) -> frozenset[str]:
-    """Split a name into lower-case words: ``Time_ms``, ``tipAngle [deg]``, ``p1``."""
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", name)
-    return frozenset(re.findall(r"[^\W\d_]+|°", apart.lower()))
-
-
-def _guess_time(looks: Sequence[_Look], table: Table) -> Guess | None:
+def _guess_time(looks: Sequence[ColumnTraits], table: Table) -> Guess | None:
     rising = [look for look in looks if look.measures("time") and _rises(look)]
     if not rising:
         return None
@@ -202,11 +111,11 @@ def _guess_time(looks: Sequence[_Look], table: Table) -> Guess | None:
     return Guess(look.place, column, why, rivals)
 
 
-def _is_clock_name(look: _Look) -> bool:
+def _is_clock_name(look: ColumnTraits) -> bool:
     return look.unit in _TIME_UNITS or (look.named("time") and look.written is None)
 
 
-def _rises(look: _Look) -> bool:
+def _rises(look: ColumnTraits) -> bool:
     """Say whether a column rises on the whole, some backward or repeated rows allowed."""
     steps = np.diff(look.values)
     need = 0.5 if _is_clock_name(look) else 0.9
@@ -218,11 +127,11 @@ def _rises(look: _Look) -> bool:
     )
 
 
-def _counts_rows(look: _Look) -> bool:
+def _counts_rows(look: ColumnTraits) -> bool:
     return bool(np.all(np.diff(look.values) == 1.0))
 
 
-def _time_unit(look: _Look) -> tuple[str, str]:
+def _time_unit(look: ColumnTraits) -> tuple[str, str]:
     if look.unit == DATETIME:
         doubt = look.written.doubt if look.written is not None else ""
         return look.unit, "it holds dates and times" + (f"; UNSURE: {doubt}" if doubt else "")
@@ -239,7 +148,7 @@ def _time_unit(look: _Look) -> tuple[str, str]:
 
 
 def _guess_command(
-    looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]
+    looks: Sequence[ColumnTraits], table: Table, found: Mapping[str, Guess]
 ) -> Guess | None:
     named = [
         look
@@ -266,7 +175,7 @@ def _guess_command(
     return Guess(look.place, look.column(unit, offset), why, rivals)
 
 
-def _is_stepwise(look: _Look) -> bool:
+def _is_stepwise(look: ColumnTraits) -> bool:
     levels = np.unique(look.values)
     wide = np.ptp(look.values) > 0.2 * np.abs(look.values).max()
     return bool(
@@ -275,7 +184,7 @@ def _is_stepwise(look: _Look) -> bool:
 
 
 def _guess_pressure(
-    looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]
+    looks: Sequence[ColumnTraits], table: Table, found: Mapping[str, Guess]
 ) -> Guess | None:
     named = [
         look
@@ -304,13 +213,15 @@ def _guess_pressure(
     return Guess(look.place, look.column(unit, offset), why, rivals)
 
 
-def _no_unit(look: _Look) -> str:
+def _no_unit(look: ColumnTraits) -> str:
     if look.written is None:
         return "; UNSURE: unit unknown, kPa assumed"
     return f"; UNSURE: {look.written.written} is no unit of pressure"
 
 
-def _gauge_offset(look: _Look, rest: float, unit: str, command: Guess | None) -> tuple[float, str]:
+def _gauge_offset(
+    look: ColumnTraits, rest: float, unit: str, command: Guess | None
+) -> tuple[float, str]:
     """Take the command's zero where both have one unit, else the value at rest if far from 0."""
     if command is not None and command.column.unit == unit and command.column.offset:
         return command.column.offset, "; its zero is the command's"
@@ -319,7 +230,7 @@ def _gauge_offset(look: _Look, rest: float, unit: str, command: Guess | None) ->
     return 0.0, ""
 
 
-def _atmosphere(look: _Look) -> tuple[str, float] | None:
+def _atmosphere(look: ColumnTraits) -> tuple[str, float] | None:
     """Return unit and value where the column's low or first value is the atmosphere's."""
     for low in (float(np.percentile(look.values, 10.0)), float(look.values[0])):
         for unit, one in _ATMOSPHERE.items():
@@ -328,7 +239,7 @@ def _atmosphere(look: _Look) -> tuple[str, float] | None:
     return None
 
 
-def _rest_value(table: Table, look: _Look, command: Guess | None) -> float:
+def _rest_value(table: Table, look: ColumnTraits, command: Guess | None) -> float:
     """Return the median before the command first moves; without one, a low percentile."""
     if command is not None:
         rows = rest_rows(table.values[:, command.place])
@@ -343,7 +254,7 @@ def _round(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _most_alike(looks: Sequence[_Look], table: Table, command: Guess | None) -> _Look:
+def _most_alike(looks: Sequence[ColumnTraits], table: Table, command: Guess | None) -> ColumnTraits:
     """Return the column that follows the command best; the first one without a command."""
     if command is None:
         return looks[0]
@@ -359,7 +270,9 @@ def _likeness(drive: Floats, response: Floats) -> float:
     return round(abs(float(np.corrcoef(x / np.abs(x).max(), y / np.abs(y).max())[0, 1])), 6)
 
 
-def _guess_angle(looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]) -> Guess | None:
+def _guess_angle(
+    looks: Sequence[ColumnTraits], table: Table, found: Mapping[str, Guess]
+) -> Guess | None:
     named = [
         look
         for look in looks
@@ -389,17 +302,19 @@ def _guess_angle(looks: Sequence[_Look], table: Table, found: Mapping[str, Guess
     return Guess(look.place, look.column(unit, rest="zero" if zero else "keep"), why, rivals)
 
 
-def _is_count(look: _Look) -> bool:
+def _is_count(look: ColumnTraits) -> bool:
     return look.named("flex_adc") and look.unit == ""
 
 
-def _sweeps_from_zero(look: _Look, table: Table, found: Mapping[str, Guess]) -> bool:
+def _sweeps_from_zero(look: ColumnTraits, table: Table, found: Mapping[str, Guess]) -> bool:
     rest = _rest_value(table, look, found.get("command"))
     fine = np.unique(look.values).size > 20
     return bool(fine and 5.0 <= look.range <= 400.0 and abs(rest) < 0.2 * look.range)
 
 
-def _guess_flex(looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]) -> Guess | None:
+def _guess_flex(
+    looks: Sequence[ColumnTraits], table: Table, found: Mapping[str, Guess]
+) -> Guess | None:
     named = [look for look in looks if look.named("flex_adc") and look.moves()]
     counts = [look for look in looks if look.written is None and _like_counts(look)]
     counts = [] if named or "angle" in found else counts
@@ -407,12 +322,12 @@ def _guess_flex(looks: Sequence[_Look], table: Table, found: Mapping[str, Guess]
     if not candidates:
         return None
     look = max(candidates, key=lambda one: one.range)
-    why = _BY_NAME if named else "whole numbers, as an ADC gives them"
+    why = BY_NAME if named else "whole numbers, as an ADC gives them"
     rivals = tuple(one.place for one in candidates if one is not look)
     return Guess(look.place, Column(look.place + 1, "1"), why, rivals)
 
 
-def _like_counts(look: _Look) -> bool:
+def _like_counts(look: ColumnTraits) -> bool:
     values = look.values
     whole = bool(np.all(values == np.round(values)) and values.min() >= 0 and values.max() < 65536)
     return whole and np.unique(values).size > 20 and not _is_stepwise(look)

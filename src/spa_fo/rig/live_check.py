@@ -304,7 +304,7 @@ def _bending(log: SpaRigLog, curve: Calibration | None) -> Iterator[Finding]:
     yield Finding("ok", "bending", words)
 
 
-# --- helpers --------------------------------------------------------------------------------------
+# --- shared by the checks -------------------------------------------------------------------------
 
 
 def _first_change(log: SpaRigLog) -> int:

@@ -87,15 +87,15 @@ def _is_held(command: Floats) -> bool:
 
 
 def _is_triangle(t_s: Floats, command: Floats) -> bool:
-    """Say whether a command ramps up and down at one pace: a sine does not keep its own."""
+    """Say whether a command ramps up and down at one slope, which a sine does not."""
     grid = np.linspace(t_s[0], t_s[-1], _POINTS)
     slopes = np.diff(np.interp(grid, t_s, command)) / np.ptp(command)
-    pace = np.abs(slopes)
-    moving = pace > 0.1 * np.percentile(pace, 90.0)
-    if np.mean(moving) < _RAMPING or pace.max() > 0.2:
+    steepness = np.abs(slopes)
+    moving = steepness > 0.1 * np.percentile(steepness, 90.0)
+    if np.mean(moving) < _RAMPING or steepness.max() > 0.2:
         return False
-    usual = float(np.median(pace[moving]))
-    even = float(np.mean(np.abs(pace[moving] - usual) < 0.3 * usual))
+    usual = float(np.median(steepness[moving]))
+    even = float(np.mean(np.abs(steepness[moving] - usual) < 0.3 * usual))
     up, down = float(np.mean(slopes[moving] > 0)), float(np.mean(slopes[moving] < 0))
     return even > 0.7 and min(up, down) > 0.2
 

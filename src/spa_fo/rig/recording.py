@@ -18,7 +18,6 @@ import fcntl
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -29,6 +28,15 @@ from spa_fo.errors import BadInput
 from spa_fo.rig import checksums
 from spa_fo.rig.admission import why_not
 from spa_fo.rig.campaign import Protocol
+from spa_fo.rig.campaign_entry import (
+    CALIBRATION,
+    length_s,
+    remember,
+    seconds_since,
+    trials_of,
+    with_calibration,
+    with_trial,
+)
 from spa_fo.rig.campaign_files import (
     Setup,
     begin_campaign,
@@ -37,68 +45,12 @@ from spa_fo.rig.campaign_files import (
     write_document,
     write_memory,
 )
-from spa_fo.rig.wire import LineParser, parse_banner
+from spa_fo.rig.recorded_log import Begun, Kept
 
 JOURNAL = checksums.RECORDING
 """Suffix of the file that says what a log beside it will be."""
-ABORTED = "_aborted"
 """Experiment of the trials of another that were cut short: the actuator was loaded all the same."""
 KILLED = "the recorder was killed"
-
-_CALIBRATION = "calibration"
-
-
-@dataclass(frozen=True)
-class Begun:
-    """A log that is being recorded.
-
-    Attributes
-    ----------
-    file : str
-        Relative to the folder.
-    started_s : float
-        Campaign time of its start, s; 0 for the first trial.
-    fd : int
-        Where its bytes go.
-    """
-
-    file: str
-    started_s: float
-    fd: int
-
-    def write(self, data: bytes) -> None:
-        """Append bytes: they are in the file when this returns.
-
-        Raises
-        ------
-        BadInput
-            They cannot be written, for example because the disk is full.
-        """
-        left = memoryview(data)
-        try:
-            while left:
-                left = left[os.write(self.fd, left) :]
-        except OSError as error:
-            raise BadInput(self.file, f"cannot be written: {error.strerror}") from error
-
-
-@dataclass(frozen=True)
-class Kept:
-    """What became of a log.
-
-    Attributes
-    ----------
-    file : str
-        Relative to the folder; empty where nothing came and nothing is kept.
-    place : str
-        Where campaign.yaml has it: an experiment, ``calibration``, or nowhere (empty).
-    why : str
-        Why it is not where it was meant for; empty where it is.
-    """
-
-    file: str
-    place: str
-    why: str
 
 
 class RecordingFolder:
@@ -223,7 +175,7 @@ class RecordingFolder:
                     "does not know when the campaign's trials were; expected --started-s",
                 )
             return None
-        return float(clock["campaign_s"]) + _seconds(clock["utc"], now) * speed
+        return float(clock["campaign_s"]) + seconds_since(clock["utc"], now) * speed
 
     # --- a log begins ----------------------------------------------------------------------------
 
@@ -249,7 +201,7 @@ class RecordingFolder:
         now = now or _now()
         if started_s is None:
             started_s = self.campaign_s(now, speed)
-        last = max((t["started_s"] for t in self._all_trials()), default=-float("inf"))
+        last = max((t["started_s"] for t in trials_of(self.campaign)), default=-float("inf"))
         started_s = 0.0 if started_s is None else round(started_s, 2)
         if started_s <= last:
             raise BadInput(
@@ -282,8 +234,8 @@ class RecordingFolder:
         if started_s is None:
             started_s = self.campaign_s(now, speed)
         return self._begin(
-            self._free_name(_CALIBRATION, "cal"),
-            {"kind": _CALIBRATION, "speed": speed, "before_first": started_s is None},
+            self._free_name(CALIBRATION, "cal"),
+            {"kind": CALIBRATION, "speed": speed, "before_first": started_s is None},
             0.0 if started_s is None else round(started_s, 2),
             now,
         )
@@ -304,8 +256,8 @@ class RecordingFolder:
 
     def _free_name(self, folder: str, stem: str) -> str:
         """Find a number that no file and no line of campaign.yaml has."""
-        taken = {Path(t["file"]).as_posix() for t in self._all_trials()}
-        taken |= {Path(c["file"]).as_posix() for c in self.campaign.get(_CALIBRATION, [])}
+        taken = {Path(t["file"]).as_posix() for t in trials_of(self.campaign)}
+        taken |= {Path(c["file"]).as_posix() for c in self.campaign.get(CALIBRATION, [])}
         number = 1
         while True:
             name = f"{folder}/{stem}_{number:02d}.log"
@@ -382,7 +334,7 @@ class RecordingFolder:
             raise BadInput(journal, "cannot be read; expected what a recorder left") from error
         if log.exists() and "ended_utc" not in entry:
             entry |= {
-                "lasted_s": _length_s(log),
+                "lasted_s": length_s(log),
                 "aborted": KILLED,
                 "ended_utc": datetime.fromtimestamp(log.stat().st_mtime, UTC).isoformat(),
                 "facts": {},
@@ -401,7 +353,8 @@ class RecordingFolder:
             return Kept("", "", "nothing came")
         checksums.add(self.folder, file)
         place, why = self._name(entry)
-        self._remember(entry, place, why)
+        remember(self.memory, entry, place, why)
+        write_memory(self._memory_file, self.memory)
         journal.unlink(missing_ok=True)
         return Kept(file, place, why)
 
@@ -410,111 +363,27 @@ class RecordingFolder:
         for item in self.campaign["experiments"]:
             if any(trial["file"] == entry["file"] for trial in item["trials"]):
                 return item["name"], str(entry["aborted"] or "")
-        if any(item["file"] == entry["file"] for item in self.campaign.get(_CALIBRATION, [])):
-            return _CALIBRATION, ""
+        if any(item["file"] == entry["file"] for item in self.campaign.get(CALIBRATION, [])):
+            return CALIBRATION, ""
         aborted = entry["aborted"]
-        if entry["kind"] == _CALIBRATION:
+        if entry["kind"] == CALIBRATION:
             if aborted:
                 return "", f"a calibration that is not complete ({aborted})"
-            changed, place = self._with_calibration(entry), _CALIBRATION
+            changed, place = with_calibration(self.campaign, entry), CALIBRATION
         else:
-            changed, place = self._with_trial(entry)
+            changed, place = with_trial(self.campaign, self.memory, entry)
         fault = why_not(changed, self.folder, entry["file"])
         if fault is not None:
             return "", fault
         self._write_campaign(changed)
         return place, str(aborted or "")
 
-    def _with_calibration(self, entry: Mapping[str, Any]) -> dict[str, Any]:
-        item = {"file": entry["file"], "started_s": entry["started_s"]}
-        if entry["before_first"]:
-            item["started_s"] = 0.0  # until the first trial begins the campaign's time
-        calibrations = [*self.campaign.get(_CALIBRATION, []), item]
-        ordered = {key: value for key, value in self.campaign.items() if key != "experiments"}
-        return {**ordered, _CALIBRATION: calibrations, "experiments": self.campaign["experiments"]}
-
-    def _with_trial(self, entry: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
-        name, protocol, setpoint = (
-            entry["experiment"],
-            entry["protocol"],
-            entry["setpoint_deg"],
-        )
-        if entry["aborted"]:
-            name, protocol, setpoint = name + ABORTED, "free", None
-        order = 1 + max(
-            (trial["order"] for trial in self._all_trials()),
-            default=self.memory.get("orders_before", 0),
-        )
-        trial = {"file": entry["file"], "order": order, "started_s": entry["started_s"]}
-        experiments = [dict(item) for item in self.campaign["experiments"]]
-        for item in experiments:
-            if item["name"] == name:
-                item["trials"] = [*item["trials"], trial]
-                break
-        else:
-            experiments.append(
-                {"name": name, "setpoint_deg": setpoint, "protocol": protocol, "trials": [trial]}
-            )
-        changed = {**self.campaign, "experiments": experiments}
-        if self.memory["clock"] is None and _CALIBRATION in changed:
-            changed[_CALIBRATION] = [self._dated(item, entry) for item in changed[_CALIBRATION]]
-        return changed, name
-
-    def _dated(self, item: Mapping[str, Any], first: Mapping[str, Any]) -> dict[str, Any]:
-        """Give a calibration before the first trial its campaign time."""
-        log = next((log for log in self.memory["logs"] if log["file"] == item["file"]), None)
-        if log is None or not log.get("before_first"):
-            return dict(item)
-        before_s = _seconds(log["started_utc"], datetime.fromisoformat(first["utc"]))
-        return {**item, "started_s": round(first["started_s"] - before_s * first["speed"], 2)}
-
-    def _remember(self, entry: Mapping[str, Any], place: str, why: str) -> None:
-        memory = self.memory
-        if all(log["file"] != entry["file"] for log in memory["logs"]):
-            log = {
-                "file": entry["file"],
-                "started_utc": entry["utc"],
-                "lasted_s": entry["lasted_s"],
-                "in": place or "not in campaign.yaml",
-            }
-            if why:
-                log["why"] = why
-            if entry.get("before_first"):
-                log["before_first"] = True
-            memory["logs"].append({**log, **entry["facts"]})
-        if entry["kind"] == "trial":
-            memory["profiles"][entry["experiment"]] = entry["profile"]
-            if place:
-                memory["clock"] = {
-                    "utc": entry["ended_utc"],
-                    "campaign_s": round(entry["started_s"] + entry["lasted_s"], 2),
-                }
-        write_memory(self._memory_file, memory)
-
     # --- files -----------------------------------------------------------------------------------
-
-    def _all_trials(self) -> list[dict[str, Any]]:
-        return [trial for item in self.campaign["experiments"] for trial in item["trials"]]
 
     def _write_campaign(self, document: dict[str, Any]) -> None:
         write_document(self._campaign_file, document)
         self.campaign = document
 
 
-def _length_s(log: Path) -> float:
-    """Tell how long a log lasted, s: its valid lines over the banner's rate."""
-    lines = [line.removesuffix(b"\r") for line in log.read_bytes().split(b"\n")]
-    try:
-        banner = parse_banner(lines[0])
-    except ValueError:
-        return 0.0
-    parser = LineParser(banner.columns)
-    return round(sum(parser.parse(line) is not None for line in lines) / banner.rate_hz, 2)
-
-
 def _now() -> datetime:
     return datetime.now(UTC)
-
-
-def _seconds(since: str, now: datetime) -> float:
-    return (now - datetime.fromisoformat(since)).total_seconds()

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spa_fo.errors import BadInput
-from spa_fo.rig.clock import WRAP, follow, pace
+from spa_fo.rig.clock import WRAP, follow, sample_clock
 from spa_fo.rig.parse_report import FileReport, Tally
 from spa_fo.rig.raw import read_bytes
 from spa_fo.rig.wire import (
@@ -197,7 +197,7 @@ class _Timeline:
         self.notes: list[str] = []
         self.duplicates = self.gaps = self.missing = self.pauses = self.wraps = 0
         self.resets = self.resets_without_banner = 0
-        self._pace = pace(self.seq, self.t_us, 1e6 / banner.rate_hz)
+        self._clock = sample_clock(self.seq, self.t_us, 1e6 / banner.rate_hz)
         begin = 0
         for following in [*lines.stretches[1:], None]:
             if following is not None and self._runs_on(following):
@@ -213,20 +213,20 @@ class _Timeline:
         """Say whether the row behind a banner goes on where the row before it stood."""
         if not 0 < begin < len(self.seq):
             return False
-        return self._pace.follows(
+        return self._clock.follows(
             self.seq[begin - 1], self.t_us[begin - 1], self.seq[begin], self.t_us[begin]
         )
 
     def _add_stretch(self, begin: int, end: int | None, rows: list[tuple[bytes, ...]]) -> None:
         part = slice(begin, end)
-        followed = follow(self.seq[part], self.t_us[part], rows[part], self._pace)
+        followed = follow(self.seq[part], self.t_us[part], rows[part], self._clock)
         self.duplicates += len(followed.duplicates)
         self.implausible.extend(begin + index for index in followed.implausible)
         for place, run in enumerate(followed.runs):
             if place > 0:
                 self.resets += 1
                 self.resets_without_banner += 1
-            start = self.ticks_us[-1] + 0.5 * self._pace.period_us if self.ticks_us else 0.0
+            start = self.ticks_us[-1] + 0.5 * self._clock.period_us if self.ticks_us else 0.0
             segment = self.segments[-1] + 1 if self.segments else 0
             members = [begin + index for index in run.rows]
             self.rows.extend(members)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -24,14 +22,14 @@ from spa_fo.rig.campaign import (
 from spa_fo.rig.csv_log import read_csv_log
 from spa_fo.rig.parse_report import FileReport, ParseReport, Tally
 from spa_fo.rig.plausibility import implausible
-from spa_fo.rig.protocol_check import contradiction, odd_level
-from spa_fo.rig.spa_rig_log import SpaRigLog, read_spa_rig_log
+from spa_fo.rig.protocol_check import contradiction
+from spa_fo.rig.spa_rig_log import read_spa_rig_log
 from spa_fo.rig.trial import Trial
+from spa_fo.rig.trial_checks import check_banner, check_levels, overlaps
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-_ONE_LEVEL = ("step", "step_release", "hold")
 _LONGEST_DROPOUT = 5  # samples
 # Beyond the calibration, as a fraction of its range: nearer than `_FAR` the curve's line beyond its
 # ends serves, and samples are flagged; farther ones are left out. A trial that lies beyond `_NEAR`
@@ -133,8 +131,8 @@ def read_trials(campaign: Campaign) -> CampaignData:
         trial, report = _to_trial(samples, experiment, number, file, curve)
         trials.append(trial)
         reports.append(report)
-    _check_levels(campaign, trials)
-    warnings += [*_overlaps(trials), *implausible(campaign, trials)]
+    check_levels(campaign, trials)
+    warnings += [*overlaps(trials), *implausible(campaign, trials)]
     return CampaignData(
         campaign,
         tuple(trials),
@@ -179,7 +177,7 @@ def _read_calibration(campaign: Campaign, item: CalibrationFile) -> tuple[Calibr
                 f"{','.join(log.banner.columns)}; expected seq,t_us,angle_deg,flex_adc",
                 "line 1",
             )
-        _check_banner(campaign, item.path, log)
+        check_banner(campaign, item.path, log)
         t_s, known, counts = log.t_s, log.columns["angle_deg"], log.columns["flex_adc"]
         report = log.report
     curve = calibrate(t_s, known, counts, item.file, item.started_s, str(item.path))
@@ -189,23 +187,6 @@ def _read_calibration(campaign: Campaign, item: CalibrationFile) -> tuple[Calibr
 def _is_spa_rig(path: Path) -> bool:
     with path.open("rb") as stream:
         return stream.read(9) == b"# spa-rig"
-
-
-def _check_banner(campaign: Campaign, path: Path, log: SpaRigLog) -> None:
-    sensor = campaign.pressure_sensor
-    if sensor is None:
-        return
-    for key, said, found in (
-        ("vref_mv", sensor.vref_mv, log.banner.vref_mv),
-        ("adc_max", sensor.adc_max, log.banner.adc_max),
-    ):
-        if said != found:
-            raise BadInput(
-                path,
-                f"its banner means {key} {found:g}, but {campaign.yaml.name} says "
-                f"pressure_sensor.{key} {said:g}",
-                "line 1",
-            )
 
 
 def _read_samples(campaign: Campaign, file: TrialFile) -> _Samples:
@@ -220,7 +201,7 @@ def _read_samples(campaign: Campaign, file: TrialFile) -> _Samples:
             f"{','.join(log.banner.columns)}; expected seq,t_us,cmd_kpa,p_adc,flex_adc",
             "line 1",
         )
-    _check_banner(campaign, file.path, log)
+    check_banner(campaign, file.path, log)
     sensor = campaign.pressure_sensor
     assert isinstance(sensor, PressureSensor)
     return _Samples(
@@ -296,30 +277,6 @@ def _check_protocol(
             f"{campaign.yaml.name} says that experiment '{experiment.name}' is a "
             f"{experiment.protocol}, but {lie}",
         )
-
-
-def _check_levels(campaign: Campaign, trials: Sequence[Trial]) -> None:
-    """Refuse a trial whose command is not that of its experiment: another one's log."""
-    for experiment in campaign.experiments:
-        if experiment.setpoint_deg is None or experiment.protocol not in _ONE_LEVEL:
-            continue
-        found = [
-            (file, float(trial.command_kpa.max()))
-            for trial, (_, _, file) in zip(trials, campaign.trial_files(), strict=True)
-            if trial.experiment == experiment.name
-            and trial.command_kpa is not None
-            and trial.command_kpa.max() > 0.0
-        ]
-        levels = np.array([level for _, level in found])
-        if levels.size < 2:
-            continue
-        odd = odd_level(levels)
-        if odd is not None:
-            raise BadInput(
-                found[odd][0].path,
-                f"commands {levels[odd]:g} kPa, but the trials of experiment '{experiment.name}' "
-                f"command {np.median(levels):g} kPa in the middle; expected one setpoint's trials",
-            )
 
 
 def _to_trial(
@@ -403,17 +360,3 @@ def before_first_change(samples: _Samples | Trial) -> int:
         return int(samples.t_s.size)
     moved = np.abs(signal - signal[0]) > threshold * np.ptp(signal)
     return int(np.argmax(moved)) if moved.any() else int(signal.size)
-
-
-def _overlaps(trials: Sequence[Trial]) -> list[str]:
-    """Say which trials last beyond the start of the next one."""
-    warnings = []
-    ordered = sorted(trials, key=lambda trial: trial.order)
-    for trial, later in pairwise(ordered):
-        end = trial.started_s + trial.t_s[-1]
-        if end > later.started_s:
-            warnings.append(
-                f"{trial.label} ends at {end:.1f} s of campaign time, after {later.label} "
-                f"starts at {later.started_s:.1f} s"
-            )
-    return warnings

@@ -288,10 +288,10 @@ class RunningActuator:
         )
         self._second_state = second_state()
 
-    def retune(self, gain: float, pace: float) -> None:
-        """Give the next trial its own gain and pace (factors; 1 is the specimen's own)."""
+    def retune(self, gain: float, rate_factor: float) -> None:
+        """Give the next trial its own gain and rate (factors; 1 is the specimen's own)."""
         self._gain = gain
-        self._branches = _branches(self._core, pace, self._step_s)
+        self._branches = _branches(self._core, rate_factor, self._step_s)
 
     def __call__(self, pressure_kpa: Array) -> Array:
         """Angles in deg at the end of each step with this true pressure during it."""
@@ -315,13 +315,13 @@ class RunningActuator:
         return np.rad2deg(angle)
 
 
-def _branches(core: FractionalCore, pace: float, step_s: float) -> _Branches:
-    """Weights of the branches of s^α2 + a1 s^α1, with time running `pace` times as fast."""
+def _branches(core: FractionalCore, rate_factor: float, step_s: float) -> _Branches:
+    """Weights of the branches of s^α2 + a1 s^α1, with time running `rate_factor` times as fast."""
     weight = np.zeros(_RATES.size)
     dashpot = inertia = 0.0
     for coefficient, alpha in ((1.0, core.alpha2), (core.a1, core.alpha1)):
         beta = alpha - 1.0
-        scale = coefficient * pace**-alpha * np.sin(np.pi * beta) / np.pi * _SPACING
+        scale = coefficient * rate_factor**-alpha * np.sin(np.pi * beta) / np.pi * _SPACING
         weight += scale * _RATES**beta
         dashpot += scale * _RATES[0] ** beta / np.expm1(beta * _SPACING)
         inertia += scale * _RATES[-1] ** (beta - 1.0) / np.expm1((1.0 - beta) * _SPACING)

@@ -14,7 +14,7 @@ diagnosis should find:
 
 Both sensors also have a little hysteresis and walk in their pockets by some hundredths of a
 degree a trial, so that the calibrations before and after differ; both actuators scatter from
-trial to trial in gain, rest angle and pace.
+trial to trial in gain, rest angle and rate.
 
 RMS error against the averaged up-steps (50 points, both setpoints together, seed 1), in degrees
 at 30°/60°. One least-squares fit to all fourteen trials is confined to the paper's bounds, widened
@@ -151,7 +151,7 @@ DRAGON_SKIN_20 = CampaignPlan(
         sensor=FlexSensor(
             sensor_hysteresis=SensorHysteresis(0.5), sensor_slip=SensorSlip(0.02, 0.04)
         ),
-        scatter=Scatter(gain=0.004, offset_deg=0.18, pace=0.008),
+        scatter=Scatter(gain=0.004, offset_deg=0.18, rate=0.008),
     ),
     experiments=paper_experiments(DRAGON_SKIN_20_CORE),
     order=(
@@ -180,7 +180,7 @@ FX_PRO = CampaignPlan(
         sensor=FlexSensor(
             sensor_hysteresis=SensorHysteresis(0.8), sensor_slip=SensorSlip(-0.02, 0.05)
         ),
-        scatter=Scatter(gain=0.004, offset_deg=0.18, pace=0.008),
+        scatter=Scatter(gain=0.004, offset_deg=0.18, rate=0.008),
     ),
     experiments=paper_experiments(FX_PRO_CORE),
     order=(

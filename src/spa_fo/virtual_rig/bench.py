@@ -32,13 +32,13 @@ class Scatter:
         Relative scatter of the gain.
     offset_deg : float
         Scatter of the rest angle that the sensor feels, deg.
-    pace : float
+    rate : float
         Relative scatter of the time scale.
     """
 
     gain: float = 0.0
     offset_deg: float = 0.0
-    pace: float = 0.0
+    rate: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -119,11 +119,11 @@ class Bench:
         self.rest(starts_s)
 
     def begin_trial(self, rng: np.random.Generator) -> None:
-        """Draw this trial's own gain, rest offset, pace and slip."""
+        """Draw this trial's own gain, rest offset, rate factor and slip."""
         scatter = self._specimen.scatter
-        gain, offset, pace, shift = rng.standard_normal(4)
-        self._actuator.retune(1.0 + scatter.gain * gain, 1.0 + scatter.pace * pace)
-        self._sensor.seat(scatter.offset_deg * offset, shift)
+        gain, offset, rate, shift = rng.standard_normal(4)
+        self._actuator.retune(1.0 + scatter.gain * gain, 1.0 + scatter.rate * rate)
+        self._sensor.mount(scatter.offset_deg * offset, shift)
 
     def drive(self, command_kpa: Array, rng: np.random.Generator) -> tuple[Array, Counts, Counts]:
         """Run one sample period for each command.

@@ -71,7 +71,7 @@ class BenchPlant:
         return self._bench.now_s
 
     def begin_trial(self) -> None:
-        """Draw this trial's gain, rest offset, pace and slip."""
+        """Draw this trial's gain, rest offset, rate factor and slip."""
         self._bench.begin_trial(self._rng)
 
     def drive(self, command_kpa: Array) -> tuple[Counts, Counts]:

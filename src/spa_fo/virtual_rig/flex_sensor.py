@@ -185,7 +185,7 @@ class RunningSensor:
         self._seat_deg = 0.0
         self._trials = 0
 
-    def seat(self, offset_deg: float, shift: float) -> None:
+    def mount(self, offset_deg: float, shift: float) -> None:
         """Begin a trial: the actuator rests `offset_deg` off; `shift` ~ N(0, 1) moves the zero."""
         self._trials += 1
         slip = self._sensor.sensor_slip
@@ -201,7 +201,7 @@ class RunningSensor:
         return self._volts(felt + self._seat_deg)
 
     def in_fixture(self, angle_deg: Array) -> Array:
-        """Divider voltage in the calibration fixture: no seat and no pocket."""
+        """Divider voltage in the calibration fixture: no pocket, no offset."""
         felt = angle_deg
         for bend in self._bends:
             if bend.in_fixture and self._trials:

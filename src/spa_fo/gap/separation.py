@@ -1,8 +1,8 @@
 """How well a protocol would tell two explanations apart, were the wrong one identified again.
 
 One explanation is simulated as the truth, the campaign so far and then the protocol, on the same
-specimen. The other takes up what it can of the difference by its coefficients, its effects'
-parameters, the trials' own gain, rest angle and pace, the timing of the channels and the error of
+specimen. The other compensates for the difference by its coefficients, its effects'
+parameters, the trials' own gain, rest angle and rate, the timing of the channels and the error of
 the calibrated curve, each held by its prior and all by the campaign: a least-squares problem,
 solved by Gauss-Newton steps and weighed by the noise floor. What the protocol adds to its
 minimum, as an RMS in noise floors, is the separation.
@@ -40,7 +40,7 @@ _CONVERGED = 0.05  # of a least-squares sum in noise floors
 _SLOPE_STEP = 1e-4
 _SPREAD = np.array([0.12, 0.12, 0.35, 0.3, 0.25])  # of another specimen's searched coefficients
 _TOLERANCE_KPA = 0.08  # what no form of a drive is trusted for
-_PACE_STEP = 2e-3
+_RATE_STEP = 2e-3
 
 
 @dataclass(frozen=True)
@@ -107,8 +107,8 @@ class Separation:
 Pairs = Sequence[tuple[int, int]]
 
 
-class Foresight:
-    """A campaign as each of its explanations sees it, and what could follow.
+class PairwiseSeparation:
+    """The separation of pairs of explanations, by the campaign and by what could follow it.
 
     Parameters
     ----------
@@ -286,10 +286,10 @@ class _View:
             slopes.append((angle - self.angle_deg) / form.step(k))
             tapped.append((kpa - self.pressure_kpa) / form.step(k))
             self.ends.append(end)
-        quick, _, _ = self.predict(form.z, starts[0], 1.0 + _PACE_STEP)
-        pace = (quick - self.angle_deg) / _PACE_STEP
+        quick, _, _ = self.predict(form.z, starts[0], 1.0 + _RATE_STEP)
+        by_rate = (quick - self.angle_deg) / _RATE_STEP
         self.seconds = STEPS_S[grid.level[grid.sample_step]]
-        self.angle = self._angle_rows(np.column_stack(slopes), pace, bench.floor_deg)
+        self.angle = self._angle_rows(np.column_stack(slopes), by_rate, bench.floor_deg)
         idle = np.zeros((self.pressed.size, form.precision.size - form.z.size))
         self.tap = _Rows(
             np.column_stack([*tapped, idle]),
@@ -297,22 +297,22 @@ class _View:
         )
 
     def predict(
-        self, z: Floats, memory: Memory, pace: float = 1.0
+        self, z: Floats, memory: Memory, rate_factor: float = 1.0
     ) -> tuple[Floats, Floats, Memory]:
         """Angles (deg), pressures (kPa) and what is remembered."""
         e = self.form.effects(z)
         chain = replace(self.chain, memory=memory)
-        angle, end = chain.run(paced(to_x(z[:5]), pace), e)
+        angle, end = chain.run(paced(to_x(z[:5]), rate_factor), e)
         kpa = self.grid.step_means(chain.pressure(e, memory.play_kpa.copy()))
         return angle, kpa[self.pressed], end
 
-    def _angle_rows(self, slopes: Floats, pace: Floats, floor_deg: float) -> _Rows:
+    def _angle_rows(self, slopes: Floats, by_rate: Floats, floor_deg: float) -> _Rows:
         grid, y = self.grid, self.angle_deg
         trials = [np.flatnonzero(grid.sample_trial == i) for i in range(len(grid.trials))]
         return _Rows(
             np.column_stack([slopes, -grid.slopes(y), curve_columns(y)]),
             np.asarray(self.seconds / (_PIECE_S * floor_deg**2)),
-            np.column_stack([slopes[:, LN_GAIN], np.ones(y.size), pace])
+            np.column_stack([slopes[:, LN_GAIN], np.ones(y.size), by_rate])
             * np.array([TYPICAL.gain, TYPICAL.rest_deg, TYPICAL.time_scale]),
             trials,
         )
