@@ -76,8 +76,10 @@ def place_laws(bench: Bench, base: Fitted) -> tuple[PlacedLaw, ...]:
     screened.sort(key=lambda fit: -_score(fit.logs))
     fits = []
     for fit in screened[:_FITTED]:
-        with suppress(ValueError):
+        try:
             fits.append(_fit(bench, replace(base, changed=fit.changed), fit.basis, factors))
+        except ValueError:  # what lies beyond the screening is too steep
+            fits.append(fit)
     places = {fit.basis.place: fit for fit in sorted(fits + screened[_FITTED:], key=_worth)}
     scores = np.array([_score(without), *(_score(fit.logs) for fit in places.values())])
     probability = np.exp(scores - logsumexp(scores))[1:]
