@@ -150,7 +150,7 @@ def learn(signals: Sequence[Signal]) -> FadingMemoryLaw:
     x = (all_inputs - centre) / scale
     y = np.concatenate([s.missed for s in signals])
     group = np.concatenate([_groups(s, i, len(signals)) for i, s in enumerate(signals)])
-    chosen = _telling(x)
+    chosen = telling(x)
     span = np.gradient(chosen.astype(np.float64))  # samples that each stands for
     best: tuple[float, float, float] = (np.inf, 0.0, 0.0)
     for length, noise in product(_LENGTHS, _NOISES):
@@ -180,7 +180,7 @@ def learn(signals: Sequence[Signal]) -> FadingMemoryLaw:
     )
 
 
-def _telling(x: Floats) -> Integers:
+def telling(x: Floats) -> Integers:
     """Choose samples to learn from, (n,): evenly along the way, and denser where much happens."""
     moved = np.sqrt(np.sum(np.diff(x, axis=0, prepend=x[:1]) ** 2, axis=1))
     way = np.cumsum(moved / max(float(moved.sum()), 1e-9) + 1.0 / moved.size)
