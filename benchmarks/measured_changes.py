@@ -60,7 +60,7 @@ class Pair:
 
 def whole(name: str, file: str, columns: Columns, rest: tuple[float, float], kpa: float) -> Series:
     """Take a log as one trial."""
-    return Series(name, name, "", (f"{file}.csv",), columns, *rest, reference_kpa=kpa)
+    return Series(name, name, "silicone", (f"{file}.csv",), columns, *rest, reference_kpa=kpa)
 
 
 def repeated(series: str, before: int, after: int) -> Pair:
@@ -87,14 +87,16 @@ SPECIMENS = tuple(
     whole(f"staircase_{which}", f"pneunet/staircase_{which}", PNEUNET, (0.0, 0.3), 10.0)
     for which in ("old_01", "new_07")
 )
-STIFFER = "the opposite chambers hold 1 psi in place of 0: stiffer, bends less"
+STIFFER = "the opposite chambers hold 1 psi in place of 0: stiffer"
 WEIGHT = "200 g at the tip"
+LOOSER, LIGHTER = f"the reverse: {STIFFER}", f"the reverse: {WEIGHT}"
+ACTUATOR = ("actuator",)
 PAIRS = (
-    Pair("bias 0 to 1 psi", STIFFER, ("actuator",), (BIAS[0], 0), (BIAS[1], 0)),
-    Pair("bias 1 to 0 psi", f"the reverse of it: {STIFFER}", ("actuator",), (BIAS[1], 0), (BIAS[0], 0)),
-    Pair("no load to 200 g", WEIGHT, ("actuator",), (LOADED[0], 0), (LOADED[1], 0)),
-    Pair("200 g to no load", f"the reverse of it: {WEIGHT}", ("actuator",), (LOADED[1], 0), (LOADED[0], 0)),
-    Pair("old to new PneuNet", "another specimen", ("actuator",), (SPECIMENS[0], 0), (SPECIMENS[1], 0)),
+    Pair("bias 0 to 1 psi", STIFFER, ACTUATOR, (BIAS[0], 0), (BIAS[1], 0)),
+    Pair("bias 1 to 0 psi", LOOSER, ACTUATOR, (BIAS[1], 0), (BIAS[0], 0)),
+    Pair("no load to 200 g", WEIGHT, ACTUATOR, (LOADED[0], 0), (LOADED[1], 0)),
+    Pair("200 g to no load", LIGHTER, ACTUATOR, (LOADED[1], 0), (LOADED[0], 0)),
+    Pair("old to new PneuNet", "another specimen", ACTUATOR, (SPECIMENS[0], 0), (SPECIMENS[1], 0)),
     Pair("random staircases", f"{NOTHING}; the levels differ", (), (STAIRS[0], 0), (STAIRS[1], 0)),
     repeated("ramp", 0, 1),
     repeated("ramp", 1, 0),
