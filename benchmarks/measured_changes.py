@@ -196,7 +196,8 @@ def main() -> None:
             print(*row(pair, comparison), sep=" | ", flush=True)
             found.append((pair, comparison))
     first = found[0][1].result
-    save_figure(measured_figure(first), given.out / "changes", provenance_of(first))
+    pdf, _ = save_figure(measured_figure(first), given.out / "changes", provenance_of(first))
+    pdf.unlink()
     write_text(given.out / "changes.md", page(found))
 
 

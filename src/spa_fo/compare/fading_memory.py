@@ -2,8 +2,8 @@
 
 Any operator of fading memory is a static function of a bank of linear filters (Boyd and Chua 1985,
 doi:10.1109/TCS.1985.1085649). Here the filters are first-order lags, and the function is drawn from
-a Gaussian process (Rasmussen and Williams 2006, ISBN 978-0-262-18253-9): it says how well it knows
-itself, and goes back to zero where nothing like it was seen.
+a Gaussian process (Rasmussen and Williams 2006, doi:10.7551/mitpress/3206.001.0001): it says how
+well it knows itself, and goes back to zero where nothing like it was seen.
 """
 
 from __future__ import annotations
