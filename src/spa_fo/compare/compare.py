@@ -179,7 +179,8 @@ def _driving(trial: Trial, plain: Model, data: CampaignData) -> Floats:
     if drive is None:
         raise BadInput(
             data.campaign.folder,
-            f"{trial.label}: expected a {plain.signal} column: it drives the model",
+            f"expected a {plain.signal} column: it drives the model",
+            trial.label,
         )
     return drive
 
