@@ -19,7 +19,7 @@ SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
   -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce report docs audit blind blind-small real-data static-curve repeats lint test test-slow \
+.PHONY: help reproduce report docs audit blind blind-small real-data static-curve changes repeats lint test test-slow \
   test-room firmware firmware-tools browser slurm-tools scale references release format unlock lock
 
 help:
@@ -31,6 +31,7 @@ help:
 	@echo "make blind-small a part of it; fails where a mark falls short $(BLIND_SMALL_COST)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make static-curve  a curve beside the model on the measured campaigns in DATA -> docs/real_data.md"
+	@echo "make changes     what differs between measured logs in DATA -> docs/real_data/changes.md"
 	@echo "make repeats     diagnose repeated commands in DATA -> docs/blind/ (12 minutes of processor time)"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow (eight minutes)"
 	@echo "make test-slow   what it leaves out: tests marked slow (five minutes)"
@@ -85,6 +86,9 @@ real-data: $(INSTALLED)
 
 static-curve: $(INSTALLED)
 	$(BIN)/python benchmarks/static_curve.py $(DATA)
+
+changes: $(INSTALLED)
+	$(BIN)/python benchmarks/measured_changes.py $(DATA)
 
 repeats: $(INSTALLED)
 	$(BIN)/python benchmarks/measured_repeats.py $(DATA)

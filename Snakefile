@@ -33,3 +33,4 @@ rule all:
     default_target: True
     input:
         RESULTS / "summary.md",
+        expand(RESULTS / "{material}" / "changed", material=REFERENCES),

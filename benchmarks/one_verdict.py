@@ -53,7 +53,8 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
     from blind.judge.realised import campaign_data, judged_model
     from spa_fo.gap.claim import Claim, claim
     from spa_fo.gap.decide import decide
-    from spa_fo.gap.diagnose import _held_to, examine
+    from spa_fo.gap.diagnose import examine
+    from spa_fo.gap.held_to import held_to
     from spa_fo.gap.interference import NONE, fast_line
     from spa_fo.plant import read_model
     from spa_fo.plant.effects.library import at_port
@@ -75,7 +76,7 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
             before = known.pop().closed if known else {}
             closed = dict.fromkeys(verdict.sets, 0.0) | before | new.closed
             known.append(replace(new, closed=closed))
-        verdict = _held_to(verdict, known[0])
+        verdict = held_to(verdict, known[0])
         return verdict.kind, [list(names) for names in verdict.sets]
 
     return said

@@ -1,8 +1,8 @@
 """Fractional-order identification of soft pneumatic actuators from raw serial logs.
 
-`Campaign`, `Model`, `FitResult` and `Diagnosis` load, fit, predict, diagnose, export, plot and
-print themselves; `step_response`, `simulate` and `mittag_leffler` are the mathematics. All of them
-load on first use, so that importing the package stays quick.
+`Campaign`, `Model`, `FitResult`, `Diagnosis`, `Comparison` load, fit, predict, diagnose, compare,
+export, plot and print themselves; `step_response`, `simulate` and `mittag_leffler` are the
+mathematics. All of them load on first use, so that importing the package stays quick.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from spa_fo.errors import BadInput
 
 if TYPE_CHECKING:
-    from spa_fo.api import Campaign, Diagnosis, FitResult, Model
+    from spa_fo.api import Campaign, Comparison, Diagnosis, FitResult, Model
     from spa_fo.fractional import mittag_leffler, simulate, step_response
 
 __version__ = "0.2.0"
@@ -21,6 +21,7 @@ __version__ = "0.2.0"
 __all__ = [
     "BadInput",
     "Campaign",
+    "Comparison",
     "Diagnosis",
     "FitResult",
     "Model",
@@ -32,6 +33,7 @@ __all__ = [
 
 _HOMES = {
     "Campaign": "spa_fo.api",
+    "Comparison": "spa_fo.api",
     "Diagnosis": "spa_fo.api",
     "FitResult": "spa_fo.api",
     "Model": "spa_fo.api",

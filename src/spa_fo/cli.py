@@ -1,4 +1,4 @@
-"""The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``plan``, ``export``.
+"""The command line: ``spa-fo parse``, ``fit``, ``predict``, ``diagnose``, ``compare`` and more.
 
 Every command leaves with 0 when done, with 2 on bad input, after one clear line on stderr, and with
 130 when it was stopped by Ctrl-C. What it is given is looked at before its work is imported: a
@@ -33,6 +33,7 @@ from spa_fo.cli_shared import (
     tell_oddities,
     tell_replaced,
 )
+from spa_fo.compare_cli import add_compare
 from spa_fo.edge import (
     bad_input_exits,
     closed_pipe_is_no_error,
@@ -75,6 +76,7 @@ def command_line() -> argparse.ArgumentParser:
     _add_fit(commands)
     _add_predict(commands)
     _add_diagnose(commands)
+    add_compare(commands)
     _add_plan(commands)
     add_export(commands, add_command)
     add_rig_commands(commands, add_command)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from spa_fo.errors import BadInput
-from spa_fo.validation import load_yaml, validate
+from spa_fo.validation import load_yaml, suggestion, validate
 
 _PATTERN = re.compile(r"[*?[]")
 
@@ -72,7 +72,7 @@ def match_materials(
     Raises
     ------
     BadInput
-        A pattern matches no folder that holds a campaign.yaml.
+        A pattern matches no folder that holds a campaign.yaml, or a reference is no other material.
     """
     campaigns = sorted(path.parent.name for path in Path(raw).glob("*/campaign.yaml"))
     matched: dict[str, dict[str, Any]] = {}
@@ -86,7 +86,21 @@ def match_materials(
         for one in names:
             if one not in materials:
                 matched.setdefault(one, dict(entry))
+    _check_references(matched, source)
     return matched
+
+
+def _check_references(materials: Mapping[str, Mapping[str, Any]], source: Path | str) -> None:
+    """Refuse a reference that is no other material."""
+    for name, entry in materials.items():
+        reference = entry.get("reference")
+        if reference is not None and (reference == name or reference not in materials):
+            others = [other for other in materials if other != name]
+            raise BadInput(
+                source,
+                f"is '{reference}'{suggestion(reference, others)}",
+                f"materials.{name}.reference",
+            )
 
 
 def _without_empty_materials(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from spa_fo.errors import BadInput
 
 DESCRIPTION = "campaign.yaml"
 DIAGNOSIS = "diagnosis.json"
+COMPARISON = "comparison.json"
 _HEAD = 2000  # characters in which a file says what it is
 
 
@@ -126,13 +127,27 @@ def replaced_diagnosis(folder: Path, campaign: str, overwrite: bool) -> str:
     BadInput
         The folder holds the diagnosis of another campaign, and may not be overwritten.
     """
-    path = folder / DIAGNOSIS
+    return _replaced_answer(folder, DIAGNOSIS, "the diagnosis of", campaign, overwrite)
+
+
+def replaced_comparison(folder: Path, campaign: str, overwrite: bool) -> str:
+    """Name the comparison that a new one of this campaign replaces; empty where there is none.
+
+    Raises
+    ------
+    BadInput
+        The folder holds the comparison of another campaign, and may not be overwritten.
+    """
+    return _replaced_answer(folder, COMPARISON, "what changed in", campaign, overwrite)
+
+
+def _replaced_answer(folder: Path, file: str, what: str, campaign: str, overwrite: bool) -> str:
+    path = folder / file
     if _is_free(path):
         return ""
     document = _json(path)
     source, seed = document.get("campaign"), document.get("seed")
-    found = f"the diagnosis of '{source}' (seed {seed})"
-    return _replaced(folder, found, source == campaign, overwrite)
+    return _replaced(folder, f"{what} '{source}' (seed {seed})", source == campaign, overwrite)
 
 
 def replaced_file(path: Path, words: str, what: str, overwrite: bool) -> str:

@@ -26,6 +26,11 @@ with bad_input_exits():
 RAW = Path(CONFIG["raw"])
 RESULTS = Path(CONFIG["results"])
 MATERIALS = list(CONFIG["materials"])
+REFERENCES = {
+    material: entry["reference"]
+    for material, entry in CONFIG["materials"].items()
+    if "reference" in entry
+}
 BLIND = RESULTS / "blind"
 BATCHES = [f"batch_{number:02d}" for number in range(CONFIG["blind"]["batches"])]
 
@@ -50,7 +55,11 @@ def campaign_of(material):
 
 def raw_files(wildcards):
     """Every file of the material's campaign, so that an edit of any of them is seen."""
-    folder = campaign_of(wildcards.material)
+    return raw_files_of(wildcards.material)
+
+
+def raw_files_of(material):
+    folder = campaign_of(material)
     return sorted(path for path in folder.rglob("*") if path.is_file())
 
 

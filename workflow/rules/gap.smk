@@ -25,3 +25,29 @@ rule diagnose:
         code=code("diagnose.py"),
     script:
         "../scripts/diagnose.py"
+
+
+rule compare:
+    """What changed since an earlier campaign of the same actuator."""
+    input:
+        raw_files=raw_files,
+        reference_files=lambda wildcards: raw_files_of(REFERENCES[wildcards.material]),
+        model=lambda wildcards: RESULTS / REFERENCES[wildcards.material] / "model.json",
+    output:
+        directory(RESULTS / "{material}" / "changed"),
+    log:
+        RESULTS / "logs" / "{material}" / "compare.log",
+    benchmark:
+        RESULTS / "logs" / "{material}" / "compare.tsv"
+    conda:
+        "../envs/spa-fo.yaml"
+    resources:
+        mem_mb=growing(1000),
+        runtime=growing(15),
+    params:
+        campaign=lambda wildcards: campaign_of(wildcards.material),
+        reference=lambda wildcards: campaign_of(REFERENCES[wildcards.material]),
+        seed=CONFIG["seed"],
+        code=code("compare.py"),
+    script:
+        "../scripts/compare.py"

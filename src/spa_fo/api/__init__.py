@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from spa_fo.api.campaign import Campaign
+    from spa_fo.api.comparison import Comparison
     from spa_fo.api.diagnosis import Diagnosis
     from spa_fo.api.exported import ExportedModel
     from spa_fo.api.fit import FitResult
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Campaign",
+    "Comparison",
     "Diagnosis",
     "ExportedModel",
     "FitResult",
@@ -31,6 +33,7 @@ __all__ = [
 
 _HOMES = {
     "Campaign": "campaign",
+    "Comparison": "comparison",
     "Diagnosis": "diagnosis",
     "ExportedModel": "exported",
     "FitResult": "fit",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from spa_fo.api.comparison import Comparison
     from spa_fo.api.fit import FitResult
+    from spa_fo.api.model import Model
     from spa_fo.identify import Bounds
 
 
@@ -168,6 +170,54 @@ class Campaign:
             static_curve=static_curve,
         )
         return FitResult(found, self)
+
+    def compare(
+        self,
+        reference: Campaign | Path | str,
+        *,
+        model: Model | None = None,
+        exclude: Sequence[str] = (),
+        seed: int = 1,
+        progress: Callable[[str], None] | None = None,
+    ) -> Comparison:
+        """Say what changed since an earlier campaign of the same actuator.
+
+        Parameters
+        ----------
+        reference : Campaign or path
+            The earlier one.
+        model : Model, optional
+            A plain model of it; identified on it where there is none.
+        exclude : sequence of str
+            Effects to take out of the library.
+        seed : int
+            Of the identification, the held-out trials and the bootstrap.
+        progress : callable, optional
+            Told each step in words.
+
+        Raises
+        ------
+        BadInput
+            A campaign is unusable, the model has effects, or an effect is unknown.
+        """
+        from spa_fo.api.comparison import Comparison
+        from spa_fo.compare import compare
+        from spa_fo.gap.diagnose import check_request
+        from spa_fo.identify import fit_campaign
+        from spa_fo.plant.effects.own import use_effects_of
+
+        tell = progress or (lambda step: None)
+        before = reference if isinstance(reference, Campaign) else Campaign.load(reference)
+        if model is None:
+            tell(f"identifying the model on {before.name}")
+            plain = fit_campaign(before.data, seed=seed, bootstrap=None).model
+        else:
+            plain = model.document
+        use_effects_of(self.data.campaign.folder)
+        check_request(plain, exclude, "model" if model is None else model.source)
+        return Comparison(
+            compare(before.data, self.data, plain, excluded=exclude, seed=seed, progress=tell)
+        )
 
     def plot(self, what: str = "trials") -> Figure:
         """Draw the trials, experiment by experiment, or the flex sensor's calibration.

@@ -10,7 +10,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
 from spa_fo.fractional import step_response
-from spa_fo.gap.bench_noise import BenchNoise, bench_noise
+from spa_fo.gap.bench_noise import BenchNoise, Beyond, bench_noise
 from spa_fo.gap.evidence import Evidence, angle_chain
 from spa_fo.gap.searched import HIGHEST, LOWEST, searched_spread, to_x, to_z
 from spa_fo.gap.settings import SETTINGS
@@ -34,6 +34,7 @@ _MOST_ROWS = 1000  # a factor of their covariance costs the third power of an ex
 _ABOUT = 7  # rows that say how large a gap is at one of them
 _LOCAL = 0.5  # of a gap's size at a row, the rest is the campaign's mean
 _SLIP_DEG = 0.4
+_MOST_LEVEL = 2.0  # against what a reference says: what is beyond has changed
 _RESPONSE_S = np.geomspace(0.05, 8.0, 14)
 """Times at which the given model's step response is known; most models are fitted to these."""
 _SLOPE_STEP = 1e-4
@@ -116,7 +117,13 @@ def rows_of(evidence: Evidence, fixed: Floats | None = None, most: int = _MOST_R
     )
 
 
-def bench_for(evidence: Evidence, given: Floats, own: bool, pressure_kpa: Floats | None) -> Bench:
+def bench_for(
+    evidence: Evidence,
+    given: Floats,
+    own: bool,
+    pressure_kpa: Floats | None,
+    beyond: Beyond | None = None,
+) -> Bench:
     """Make a campaign ready.
 
     Parameters
@@ -129,8 +136,10 @@ def bench_for(evidence: Evidence, given: Floats, own: bool, pressure_kpa: Floats
         Whether that was fitted to this very campaign.
     pressure_kpa : (cells,) array or None
         True pressure, where it is known.
+    beyond : Beyond, optional
+        What is to be expected beside the bench's own noise.
     """
-    noise = bench_noise(evidence, given)
+    noise = bench_noise(evidence, given, beyond)
     rows = rows_of(evidence)
     horizon = _horizon_s(evidence)
     if own:
@@ -251,6 +260,8 @@ def local_size(rows: Rows, squares: Floats) -> Floats:
 
 def level_prior(bench: Bench, level: float) -> float:
     """Log prior of a level of the coloured noise."""
+    if bench.noise.compared and level > _MOST_LEVEL:
+        return -np.inf
     repeats = bench.noise.spectrum.repeats
     spread = SETTINGS.level_alone
     if repeats:

@@ -55,11 +55,14 @@ class BenchNoise:
         From trial to trial.
     fixture_deg : float or None
         Error of a calibration dwell's known angle; None where no angle was held twice.
+    compared : bool
+        Whether a reference says what is to be expected beside it.
     """
 
     spectrum: Spectrum
     scatter: Scatter
     fixture_deg: float | None
+    compared: bool = False
 
     @property
     def correlation_s(self) -> float:
@@ -88,7 +91,32 @@ class BenchNoise:
         return text
 
 
-def bench_noise(evidence: Evidence, x: Floats) -> BenchNoise:
+@dataclass(frozen=True)
+class Beyond:
+    """What is to be expected beside a bench's own noise: what a learned correction misses.
+
+    Attributes
+    ----------
+    angle : Spectrum
+        Of the angle, deg².
+    scatter : Scatter
+        From one campaign to another.
+    angle_deg : float
+        RMS of all of it.
+    pressure : Spectrum or None
+        Of the pressure, kPa²; None where that was not logged.
+    pressure_kpa : float
+        RMS of all of it.
+    """
+
+    angle: Spectrum
+    scatter: Scatter
+    angle_deg: float
+    pressure: Spectrum | None = None
+    pressure_kpa: float = 0.0
+
+
+def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> BenchNoise:
     """Estimate what the bench adds to a campaign.
 
     Parameters
@@ -97,6 +125,8 @@ def bench_noise(evidence: Evidence, x: Floats) -> BenchNoise:
         The campaign.
     x : (5,) array
         Coefficients of the given model: they say what a trial's own time scale does to it.
+    beyond : Beyond, optional
+        What is to be expected beside it.
     """
     chain = angle_chain(evidence, x, None)
     plain, quick = (chain.run(paced(x, rate), absent())[0] for rate in (1.0, 1.0 + _RATE_STEP))
@@ -108,10 +138,14 @@ def bench_noise(evidence: Evidence, x: Floats) -> BenchNoise:
         if (found := _differences(evidence, repeated, quicker)) is not None
     ]
     spectrum = estimate(differences, evidence.noise_deg)
+    scattered = scatter(differences, spectrum, TYPICAL)
+    if beyond is not None:
+        spectrum, scattered = spectrum.beside(beyond.angle), scattered.beside(beyond.scatter)
     return BenchNoise(
         spectrum=spectrum,
-        scatter=scatter(differences, spectrum, TYPICAL),
+        scatter=scattered,
         fixture_deg=dwell_error(evidence.data.calibrations),
+        compared=beyond is not None,
     )
 
 

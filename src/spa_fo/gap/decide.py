@@ -255,6 +255,7 @@ def decide(
     fast: Line,
     evidence: Evidence,
     floor_deg: float,
+    drive_floor_deg: float | None = None,
 ) -> Verdict:
     """Decide.
 
@@ -270,16 +271,25 @@ def decide(
         The campaign.
     floor_deg : float
         The noise floor.
+    drive_floor_deg : float, optional
+        By how much the angle moves with what is to be expected of the pressure, where that is
+        known; else the noise floor counts for the drive, too.
     """
+    least_deg = SETTINGS.moves * floor_deg
+    if drive_floor_deg is None:
+        drive_floor_deg = floor_deg
+    else:
+        # What is missed anyway and a change as large add up to this.
+        least_deg = float(np.sqrt(2.0)) * drive_floor_deg
     angle, of_angle, unknown_angle = _normalised(
         _of_angle(found, floor_deg), found.bench.gap_deg, floor_deg
     )
     gap_deg = 0.0 if drive is None else drive.gap_deg
-    parts = _of_drive(drive, evidence, floor_deg)
-    if gap_deg < SETTINGS.moves * floor_deg:
+    parts = _of_drive(drive, evidence, drive_floor_deg)
+    if gap_deg < least_deg:
         parts = [p for p in parts if not p.named]
         parts = [_Part((), p.right, np.full(_SHARES.size, -np.inf), *_rest(p)) for p in parts]
-    pressed, of_drive, unknown_drive = _normalised(parts, gap_deg, floor_deg)
+    pressed, of_drive, unknown_drive = _normalised(parts, gap_deg, drive_floor_deg)
     lined = _of_line(fast, found, floor_deg)
     certain = (1.0 - unknown_angle) * (1.0 - unknown_drive)
     joint: dict[Ids, float] = {}

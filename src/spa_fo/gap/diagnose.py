@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
 from spa_fo.gap.bench import bench_for
-from spa_fo.gap.claim import Claim, claim, closes, exact
-from spa_fo.gap.decide import Verdict, decide, judge, stage_shares
+from spa_fo.gap.bench_noise import Beyond
+from spa_fo.gap.claim import Claim, claim, exact
+from spa_fo.gap.decide import Verdict, decide, stage_shares
 from spa_fo.gap.diagnosis import (
     Cause,
     Diagnosis,
@@ -29,6 +30,7 @@ from spa_fo.gap.explanations import Explanations, explain
 from spa_fo.gap.final import model_of, on_all_trials
 from spa_fo.gap.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.floor import noise_floor
+from spa_fo.gap.held_to import beyond_expected, held_to
 from spa_fo.gap.hold_out import HeldOut, hold_out, rmse
 from spa_fo.gap.interference import NONE, fast_line
 from spa_fo.gap.intervals import with_intervals
@@ -45,7 +47,6 @@ from spa_fo.validation import suggestion
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
-
 _IDENTIFIED = "sampling"  # a key that an identification writes to its model
 _NOT_KNOWN = (
     "neither the pressure nor a calibration was logged: what is not explained may be anyone's"
@@ -145,6 +146,7 @@ def diagnose(
     excluded: Sequence[str] = (),
     seed: int = 1,
     progress: Progress = _silent,
+    beyond: Beyond | None = None,
 ) -> Diagnosis:
     """Diagnose a campaign.
 
@@ -160,10 +162,12 @@ def diagnose(
         Of the trials that are held out and of the bootstrap.
     progress : callable
         Told of each step in words.
+    beyond : Beyond, optional
+        What is to be expected beside the bench's own noise.
     """
     use_effects_of(data.campaign.folder)
     rng = np.random.default_rng(seed)
-    examined = examine(data, plain, excluded, rng, progress)
+    examined = examine(data, plain, excluded, rng, progress, beyond)
     everything, held, floor = examined.everything, examined.held, examined.floor_deg
     progress("predicting trials that took no part")
     claimed = claim(
@@ -176,7 +180,10 @@ def diagnose(
         floor,
         rng,
     )
-    verdict = _held_to(examined.verdict, claimed)
+    least = SETTINGS.closes if beyond is None else SETTINGS.worth
+    verdict = held_to(examined.verdict, claimed, least)
+    if beyond is not None:
+        verdict = beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(
             examined.found, examined.drive, everything, held, verdict, examined.given, floor, rng
@@ -274,6 +281,7 @@ def examine(
     excluded: Sequence[str],
     rng: np.random.Generator,
     progress: Progress = _silent,
+    beyond: Beyond | None = None,
 ) -> Examined:
     """Fit and weigh every explanation; for the parameters see `diagnose`.
 
@@ -293,21 +301,30 @@ def examine(
     evidence = replace(everything, takes_part=~held.trials)
     given = plain.transfer_function.as_array()
     progress(f"explaining {evidence.takes_part.sum()} trials")
-    drive = examine_drive(evidence, excluded, given) if evidence.has_pressure else None
+    drive = None
+    if evidence.has_pressure:
+        drive = examine_drive(
+            evidence, excluded, given, None if beyond is None else beyond.pressure
+        )
     own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
-    bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa)
+    bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa, beyond)
     floor = noise_floor(everything)
     if not bench.noise.spectrum.repeats:
         floor = bench.noise.floor_deg(everything.grid.angle_deg)
+    if beyond is not None:
+        floor = max(floor, beyond.angle_deg)
     found = explain(bench, excluded)
     if drive is not None:
         before, drive = drive, joined(drive, found)
         if drive.best.ids != before.best.ids:
-            found = explain(bench_for(evidence, given, own, drive.pressure_kpa), excluded)
+            found = explain(bench_for(evidence, given, own, drive.pressure_kpa, beyond), excluded)
     progress(f"weighing {len(found.fits)} explanations")
     line = at_port("line")
     fast = NONE if line in excluded else fast_line(evidence)
-    verdict = decide(found, drive, fast, evidence, floor)
+    drive_floor = None
+    if drive is not None and beyond is not None:
+        drive_floor = beyond.pressure_kpa * drive.per_kpa_deg
+    verdict = decide(found, drive, fast, evidence, floor, drive_floor)
     return Examined(data, everything, held, given, excluded, drive, found, verdict, floor)
 
 
@@ -317,26 +334,6 @@ def _driven_by_pressure(data: CampaignData) -> CampaignData:
         raise BadInput(data.campaign.folder, "expected a pressure column: it drives the model")
     trials = tuple(replace(trial, command_kpa=None) for trial in data.trials)
     return replace(data, trials=trials)
-
-
-def _held_to(verdict: Verdict, claimed: Claim) -> Verdict:
-    """Take sets that close nothing on the held-out trials out of the answer.
-
-    What they were probable by goes to an unknown cause.
-    """
-    if not verdict.sets:
-        return verdict
-    useless = {named for named in claimed.closed if not closes(claimed, named, SETTINGS.closes)}
-    lost = sum(s.probability for s in verdict.scored if s.named in useless)
-    scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
-    scored.sort(key=lambda s: -s.probability)
-    again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
-    unknown = "unknown" in (verdict.kind, again.kind)
-    least = SETTINGS.worth if unknown else SETTINGS.closes
-    sets = tuple(n for n in again.sets if n in verdict.sets and closes(claimed, n, least))
-    if unknown or not sets:
-        return replace(again, kind="unknown", sets=sets)
-    return replace(again, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
 
 
 def _on_all_trials(examined: Examined, verdict: Verdict, progress: Progress) -> Explanation:

@@ -114,7 +114,9 @@ class Drive:
         return max(self.fits.values(), key=lambda fit: float(fit.evidence.max()))
 
 
-def examine_drive(evidence: Evidence, excluded: Sequence[str], x: Floats) -> Drive:
+def examine_drive(
+    evidence: Evidence, excluded: Sequence[str], x: Floats, beyond: Spectrum | None = None
+) -> Drive:
     """Explain the measured pressure: no effect, every single one, and pairs of the best.
 
     Parameters
@@ -125,13 +127,17 @@ def examine_drive(evidence: Evidence, excluded: Sequence[str], x: Floats) -> Dri
         Effects that the library is to lack.
     x : (5,) array
         Coefficients of the given model: they say what a missed pressure does to the angle.
+    beyond : Spectrum, optional
+        What is to be expected beside the sensor's noise, kPa².
     """
     step = resolution(evidence)
     fixed = (_BLUR * blur(evidence)) ** 2 + step**2 / 12.0 + _BINNING_KPA**2
     rows = rows_of(evidence, fixed)
     spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
+    if beyond is not None:
+        spectrum = spectrum.beside(beyond)
     bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
-    squares = _beyond_noise(rows, spectrum.white, bare.left(np.zeros(1)))
+    squares = _beyond_noise(rows, spectrum.white + spectrum.coloured.sum(), bare.left(np.zeros(1)))
     size = local_size(rows, squares)
     whitening = Whitening(rows, spectrum, size)
     for share in (*SHARES, SETTINGS.search_share):

@@ -71,8 +71,8 @@ def model_of(
     """
     if law is not None:
         bench = bench_of_all(found, everything, held)
-        beside, fit = law_of_all(bench, known or Explanation((), found.plain, None, None), law)
-        with suppress(BadInput):  # too steep for the steps that a prediction takes
+        with suppress(ValueError, BadInput):  # too steep for the steps that a prediction takes
+            beside, fit = law_of_all(bench, known or Explanation((), found.plain, None, None), law)
             return _written(augmented_model(beside, everything, plain), everything, fit.law)
     if known is None:
         return plain

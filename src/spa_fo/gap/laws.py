@@ -8,6 +8,7 @@ against the other places and against no law at all. Named explanations take no p
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,12 +71,15 @@ def place_laws(bench: Bench, base: Fitted) -> tuple[PlacedLaw, ...]:
     for basis in bases(bench, base):
         for changed in _variants(bench, base, basis):
             start = replace(base, changed=changed)
-            screened.append(_fit(bench, start, basis, factors, rounds=1))
+            with suppress(ValueError):  # too steep for any motion: there is no such law
+                screened.append(_fit(bench, start, basis, factors, rounds=1))
     screened.sort(key=lambda fit: -_score(fit.logs))
-    fits = [
-        _fit(bench, replace(base, changed=fit.changed), fit.basis, factors)
-        for fit in screened[:_FITTED]
-    ]
+    fits = []
+    for fit in screened[:_FITTED]:
+        try:
+            fits.append(_fit(bench, replace(base, changed=fit.changed), fit.basis, factors))
+        except ValueError:  # what lies beyond the screening is too steep
+            fits.append(fit)
     places = {fit.basis.place: fit for fit in sorted(fits + screened[_FITTED:], key=_worth)}
     scores = np.array([_score(without), *(_score(fit.logs) for fit in places.values())])
     probability = np.exp(scores - logsumexp(scores))[1:]

@@ -65,6 +65,12 @@ class Spectrum:
         """Standard deviation of one sample, deg."""
         return float(np.sqrt(self.white + self.coloured.sum()))
 
+    def beside(self, other: Spectrum) -> Spectrum:
+        """Add independent noise."""
+        return Spectrum(
+            self.white + other.white, self.coloured + other.coloured, self.repeats + other.repeats
+        )
+
     def covariance(self, time_s: Floats, width_s: Floats, count: Floats) -> Floats:
         """Covariance of averages, (n, n).
 
@@ -265,6 +271,14 @@ class Scatter:
     gain: float
     rest_deg: float
     time_scale: float
+
+    def beside(self, other: Scatter) -> Scatter:
+        """Add independent scatter."""
+        return Scatter(
+            float(np.hypot(self.gain, other.gain)),
+            float(np.hypot(self.rest_deg, other.rest_deg)),
+            float(np.hypot(self.time_scale, other.time_scale)),
+        )
 
 
 def scatter(

@@ -1,0 +1,253 @@
+"""What changed between two campaigns of one actuator.
+
+What the model misses on the reference is learned as a law of fading memory and taken off the other
+campaign: what is left there is what changed. It is diagnosed as any gap is, with what the law
+misses on trials of the reference that it did not learn from as part of the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, learn
+from spa_fo.errors import BadInput
+from spa_fo.gap.bench_noise import TYPICAL, Beyond
+from spa_fo.gap.diagnose import diagnose
+from spa_fo.gap.diagnosis import Diagnosis
+from spa_fo.gap.noise import Differences, Scatter, Spectrum, estimate, scatter
+from spa_fo.identify.whole_log import input_of
+from spa_fo.plant import Model
+from spa_fo.plant.augmented import predict_augmented
+from spa_fo.rig import CampaignData, Trial
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+SCHEMA = "spa-fo/comparison/1"
+NOTHING_CHANGED = "nothing_changed"
+_ROWS = 100  # of a trial, that the noise is estimated from
+_WHITE = 1e-3  # deg or kPa: what is averaged holds next to no white noise
+
+
+def _silent(step: str) -> None:
+    """Keep to oneself what is being done."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What changed.
+
+    Attributes
+    ----------
+    reference, data : CampaignData
+        Both campaigns, as measured.
+    change : Diagnosis
+        Of the second campaign with what is missed in both taken off.
+    angle_law, pressure_law : FadingMemoryLaw
+        What the model misses on the reference, deg, and what the pressure differs from the
+        command by, kPa; the latter None where either was not logged.
+    common_deg : tuple of arrays
+        By trial of the second campaign: what is missed in both.
+    model : Model
+        Of the reference with the change in it; the plain one where nothing is named.
+    """
+
+    reference: CampaignData
+    data: CampaignData
+    change: Diagnosis
+    angle_law: FadingMemoryLaw
+    pressure_law: FadingMemoryLaw | None
+    common_deg: tuple[Floats, ...]
+    model: Model
+
+    @property
+    def kind(self) -> str:
+        """nothing_changed, cause, ambiguous or unknown."""
+        return NOTHING_CHANGED if self.change.kind == "no_gap" else self.change.kind
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of comparison.json: that of a diagnosis, of what changed."""
+        document = self.change.to_dict()
+        verdict = {**document["verdict"], "kind": self.kind}
+        common = np.concatenate(self.common_deg)
+        return {
+            **document,
+            "schema": SCHEMA,
+            "reference": self.reference.campaign.name,
+            "verdict": verdict,
+            "common": {
+                "rmse_deg": float(np.sqrt(np.mean(common**2))),
+                "learned_to_deg": self.angle_law.left_rms,
+            },
+        }
+
+
+def compare(
+    reference: CampaignData,
+    data: CampaignData,
+    plain: Model,
+    *,
+    excluded: Sequence[str] = (),
+    seed: int = 1,
+    progress: Progress = _silent,
+) -> Comparison:
+    """Say what changed from one campaign of an actuator to another.
+
+    Parameters
+    ----------
+    reference, data : CampaignData
+        How it was, and how it is.
+    plain : Model
+        A plain model of the reference.
+    excluded : sequence of str
+        Effects that the library is to lack.
+    seed : int
+        Of the trials that are held out and of the bootstrap.
+    progress : callable
+        Told of each step in words.
+
+    Raises
+    ------
+    BadInput
+        A log lacks the signal that drives the model.
+    """
+    progress(f"learning what the model misses on {len(reference.trials)} trials of the reference")
+    missed, there = _missed(reference, plain), _missed(data, plain)
+    law = learn(missed)
+    common = law.predict(there)
+    predicted = [t.angle_deg - s.missed for t, s in zip(reference.trials, missed, strict=True)]
+    spectrum, scattered = _noise(law, missed, predicted, common)
+    rest = max(_bent_at_rest(trial, plain) for trial in data.trials)
+    beyond = Beyond(
+        angle=spectrum,
+        scatter=replace(scattered, rest_deg=float(np.hypot(scattered.rest_deg, rest))),
+        angle_deg=float(np.hypot(law.left_rms, _uncertain(common))),
+    )
+    trials = [
+        replace(t, angle_deg=t.angle_deg - mean)
+        for t, (mean, _) in zip(data.trials, common, strict=True)
+    ]
+    of_pressure = None
+    if plain.signal == "command" and all(map(_shows_drive, (*reference.trials, *data.trials))):
+        lost = [_lost(trial) for trial in reference.trials]
+        of_pressure = learn(lost)
+        usual = of_pressure.predict([_lost(trial) for trial in data.trials])
+        beyond = replace(
+            beyond,
+            pressure=_noise(of_pressure, lost, [s.input for s in lost], usual)[0],
+            pressure_kpa=float(np.hypot(of_pressure.left_rms, _uncertain(usual))),
+        )
+        trials = [
+            replace(t, pressure_kpa=_of(t.pressure_kpa) - mean)
+            for t, (mean, _) in zip(trials, usual, strict=True)
+        ]
+    # The model is the reference's, whatever the campaigns are called.
+    change = diagnose(
+        replace(data, trials=tuple(trials)),
+        replace(plain, extra={}),
+        excluded=excluded,
+        seed=seed,
+        progress=progress,
+        beyond=beyond,
+    )
+    model = replace(change.model, extra={**plain.extra, **change.model.extra})
+    return Comparison(
+        reference, data, change, law, of_pressure, tuple(mean for mean, _ in common), model
+    )
+
+
+def _bent_at_rest(trial: Trial, plain: Model) -> float:
+    """Return about what the first command bends: a log that begins under it has no known zero."""
+    drive = input_of(trial, plain.signal)
+    assert drive is not None
+    share = abs(float(drive[0])) / max(float(np.max(np.abs(drive))), 1e-9)
+    return share * float(np.max(np.abs(trial.angle_deg)))
+
+
+def _of(signal: Floats | None) -> Floats:
+    assert signal is not None
+    return signal
+
+
+def _driving(trial: Trial, plain: Model, data: CampaignData) -> Floats:
+    drive = input_of(trial, plain.signal)
+    if drive is None:
+        raise BadInput(
+            data.campaign.folder,
+            f"expected a {plain.signal} column: it drives the model",
+            trial.label,
+        )
+    return drive
+
+
+def _missed(data: CampaignData, plain: Model) -> list[Signal]:
+    """Return what the model misses of each trial, what a trial leaves to the next with it."""
+    driving = [_driving(trial, plain, data) for trial in data.trials]
+    predicted = predict_augmented(replace(plain, extra={}), data)
+    return [
+        Signal(t.started_s, t.t_s, drive, t.angle_deg - angle)
+        for t, drive, angle in zip(data.trials, driving, predicted, strict=True)
+    ]
+
+
+def _shows_drive(trial: Trial) -> bool:
+    return trial.command_kpa is not None and trial.pressure_kpa is not None
+
+
+def _lost(trial: Trial) -> Signal:
+    """Return what the pressure of a trial differs from its command by."""
+    command = _of(trial.command_kpa)
+    return Signal(trial.started_s, trial.t_s, command, _of(trial.pressure_kpa) - command)
+
+
+def _uncertain(found: Sequence[tuple[Floats, Floats]]) -> float:
+    """RMS of the law's own standard deviation where it was asked."""
+    return float(np.sqrt(np.mean(np.concatenate([deviation for _, deviation in found]) ** 2)))
+
+
+def _noise(
+    law: FadingMemoryLaw,
+    signals: Sequence[Signal],
+    shapes: Sequence[Floats],
+    found: Sequence[tuple[Floats, Floats]],
+) -> tuple[Spectrum, Scatter]:
+    """Estimate the noise that the law's own misses are on trials it did not learn from.
+
+    `shapes` are what a gain of a trial's own would multiply.
+    """
+    differences = [
+        _difference(signal.t_s, left, shape)
+        for signal, left, shape in zip(signals, law.left, shapes, strict=True)
+    ]
+    spectrum = estimate(differences, _WHITE)
+    # Where nothing like it was seen, the law is as wrong as it may be, and slowly.
+    total = max(float(spectrum.coloured.sum()), 1e-12)
+    more = 1.0 + _uncertain(found) ** 2 / total
+    wider = replace(spectrum, white=0.0, coloured=spectrum.coloured * more)
+    return wider, scatter(differences, spectrum, TYPICAL)
+
+
+def _difference(time_s: Floats, left: Floats, shape: Floats) -> Differences:
+    merge = -(-left.size // _ROWS)
+    first = np.arange(0, left.size, merge)
+    count = np.add.reduceat(np.ones(left.size), first)
+
+    def merged(values: Floats) -> Floats:
+        return np.asarray(np.add.reduceat(values, first) / count)
+
+    time, angle = merged(time_s), merged(shape)
+    width = np.full(first.size, float(np.median(np.diff(time_s))) * merge)
+    nuisances = np.column_stack([np.ones(first.size), angle, np.gradient(angle, time), 0.0 * time])
+    return Differences(
+        values=merged(left)[None, :],
+        nuisances=nuisances,
+        fixed=np.full(first.size, 1e-6),
+        time_s=time,
+        width_s=width,
+        count=count,
+    )

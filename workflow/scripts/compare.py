@@ -1,0 +1,12 @@
+"""What changed in one material's campaign since its reference: document, page, figures, model."""
+
+from spa_fo.api import Campaign, Model
+from spa_fo.edge import workflow_step
+
+with workflow_step(snakemake.log[0], snakemake.threads):
+    comparison = Campaign.load(snakemake.params.campaign).compare(
+        snakemake.params.reference,
+        model=Model.load(snakemake.input.model),
+        seed=snakemake.params.seed,
+    )
+    comparison.save(snakemake.output[0])
