@@ -21,7 +21,7 @@ from spa_fo.gap.evidence import Evidence, collect, curve_columns
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.intervals import _interval, _of_shift, _of_zeros
 from spa_fo.gap.locate import shares
-from spa_fo.gap.searched import paced, to_x, to_z
+from spa_fo.gap.searched import at_rate, to_x, to_z
 from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
 from spa_fo.rig import read_campaign, read_trials
 
@@ -135,7 +135,7 @@ def test_the_gap_is_put_at_its_amplitude_and_direction(steps: Evidence) -> None:
 def test_a_faster_actuator_answers_sooner(drawn: tuple[float, ...], rate_factor: float) -> None:
     x = np.array(drawn)
     t = np.linspace(0.1, 8.0, 20)
-    fast = step_response(t, *paced(x, rate_factor))
+    fast = step_response(t, *at_rate(x, rate_factor))
     assert fast == pytest.approx(step_response(rate_factor * t, *x), rel=1e-6, abs=1e-9)
     assert to_x(to_z(x)) == pytest.approx(x)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from spa_fo.fractional import step_response
-from spa_fo.gap.searched import paced
+from spa_fo.gap.searched import at_rate
 from spa_fo.gap.typical import typical
 from spa_fo.plant.paper import TABLE_I
 
@@ -27,7 +27,7 @@ def rise_s(x: NDArray[np.float64]) -> float:
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.4, 8.0), st.floats(0.2, 5.0))
 def test_an_actuator_of_the_papers_kind_is_itself(rate_factor: float, gain: float) -> None:
-    x = paced(USUAL, rate_factor)
+    x = at_rate(USUAL, rate_factor)
     x[4] *= gain
     np.testing.assert_allclose(typical(x, HORIZON_S), x, rtol=0.06)
 
@@ -51,6 +51,6 @@ def test_a_bent_model_becomes_a_typical_one_as_fast_and_as_strong(bent: list[flo
 
 
 def test_one_far_slower_than_any_gets_the_slowest() -> None:
-    found = typical(paced(USUAL, 1e-5), HORIZON_S)
+    found = typical(at_rate(USUAL, 1e-5), HORIZON_S)
     assert np.all(np.isfinite(found))
     assert np.all(found > 0.0)

@@ -39,7 +39,7 @@ from spa_fo.gap.profiles import (
 )
 from spa_fo.gap.remedies import remedies, twins
 from spa_fo.gap.rivals import Rival, Standing, read_standing, rival
-from spa_fo.gap.searched import paced, to_x, to_z
+from spa_fo.gap.searched import at_rate, to_x, to_z
 from spa_fo.gap.separation import _SPREAD, Bench, PairwiseSeparation
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
@@ -181,7 +181,7 @@ def slow_cost(grid: CampaignGrid, refit: Rival, truth: Rival) -> float:
     (place,) = [LIBRARY[name].first for name in refit.ids]  # effects of one parameter
     start = np.append(to_z(refit.x), refit.effects[place])
     y0, _ = chain.run(refit.x, refit.effects)
-    quick, _ = chain.run(paced(refit.x, 1.001), refit.effects)
+    quick, _ = chain.run(at_rate(refit.x, 1.001), refit.effects)
     own = np.column_stack([y0, np.ones(y0.size), (quick - y0) / 0.001])
     late = np.empty(y0.size)
     for i in range(len(grid.trials)):

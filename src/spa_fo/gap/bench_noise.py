@@ -23,7 +23,7 @@ from spa_fo.gap.noise import (
     estimate,
     scatter,
 )
-from spa_fo.gap.searched import paced
+from spa_fo.gap.searched import at_rate
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import absent
 from spa_fo.plant.memory import STEPS_S
@@ -129,7 +129,7 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
         What is to be expected beside it.
     """
     chain = angle_chain(evidence, x, None)
-    plain, quick = (chain.run(paced(x, rate), absent())[0] for rate in (1.0, 1.0 + _RATE_STEP))
+    plain, quick = (chain.run(at_rate(x, rate), absent())[0] for rate in (1.0, 1.0 + _RATE_STEP))
     quicker = (quick - plain) / _RATE_STEP
     every = np.ones(len(evidence.grid.trials), dtype=bool)
     differences = [

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.plant.chain import Chain, Seat, chain_for, log_delays
+from spa_fo.plant.chain import Chain, Mounting, chain_for, log_delays
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
 from spa_fo.plant.effects.shared import CREEP_TIMES_S
@@ -90,7 +90,7 @@ class Fixture:
             out[:, at] = -hats[:, j : j + 1] / at.size
         return out
 
-    def simulate(self, effects: Floats, film_turned: float = 0.0) -> tuple[Floats, Seat]:
+    def simulate(self, effects: Floats, film_turned: float = 0.0) -> tuple[Floats, Mounting]:
         """Simulate what the sensor's effects make of the fixture.
 
         Parameters
@@ -104,15 +104,15 @@ class Fixture:
         -------
         predicted_deg : (rows,) array
             Of `deviation_deg`.
-        seat : Seat
+        mounting : Mounting
             What the first calibration leaves the sensor with.
         """
         own = effects.copy()
         for effect in LIBRARY.values():
             if not effect.in_fixture:
-                own[effect.slots] = np.nan  # of the seat: the fixture does not show it
+                own[effect.slots] = np.nan  # of the mounting: the fixture does not show it
         if np.isnan(own).all():
-            return np.zeros(self.deviation_deg.size), Seat()
+            return np.zeros(self.deviation_deg.size), Mounting()
         film = np.zeros(4 + CREEP_TIMES_S.size)
         read = np.empty(self.angle_deg.size)
         start = film
@@ -138,8 +138,8 @@ class Fixture:
         known, rows = np.unique(self.known_deg[self.log == 0], return_index=True)
         # Each row less itself centred is the settled mean at its angle: what the curve took up.
         bias = (raw - self.average @ raw)[self.log == 0][rows]
-        seat = Seat(start, known, bias)
-        return self.average @ (seat.logged_deg(mean) - self.known_deg), seat
+        mounting = Mounting(start, known, bias)
+        return self.average @ (mounting.logged_deg(mean) - self.known_deg), mounting
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from spa_fo.gap.drive import DriveFit
 from spa_fo.gap.evidence import Evidence, angle_chain
 from spa_fo.gap.search import Fitted
 from spa_fo.plant import PARAMETERS, Model, TransferFunction
-from spa_fo.plant.chain import Seat
+from spa_fo.plant.chain import Mounting
 from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 from spa_fo.plant.law import Law
 from spa_fo.plant.lawful import with_law
@@ -142,7 +142,7 @@ def simulate(
     x = explanation.x if given is None else given
     zeros = at_port("zeros", explanation.ids)
     e = _deterministic(e)
-    chain = angle_chain(evidence, x, None).seated(seat_of(evidence, e))
+    chain = angle_chain(evidence, x, None).mounted(mounting_of(evidence, e))
     angle, _ = (chain if law is None else with_law(chain, law)).run(x, e)
     if zeros and zeros not in without:
         angle = angle + explanation.angle.zeros_deg[evidence.grid.sample_trial]
@@ -159,9 +159,9 @@ def _deterministic(effects: Floats) -> Floats:
     return e
 
 
-def seat_of(evidence: Evidence, effects: Floats) -> Seat:
+def mounting_of(evidence: Evidence, effects: Floats) -> Mounting:
     """How these effects leave the sensor after its first calibration."""
-    return Seat() if evidence.fixture is None else evidence.fixture.simulate(effects)[1]
+    return Mounting() if evidence.fixture is None else evidence.fixture.simulate(effects)[1]
 
 
 def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) -> Model:
@@ -183,11 +183,11 @@ def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) 
             zeros = explanation.angle.zeros_deg.tolist()
             effect["zeros_deg"] = {str(o): z for o, z in zip(orders.tolist(), zeros, strict=True)}
         effects.append(effect)
-    seat = seat_of(evidence, explanation.effects())
+    mounting = mounting_of(evidence, explanation.effects())
     # Its coefficients are other ones: the uncertainty of the plain model's is not theirs.
     extra: dict[str, Any] = {key: plain.extra[key] for key in _CARRIED if key in plain.extra}
-    if seat.bias_deg.any() or seat.film.any():
-        extra["sensor_seat"] = seat.to_dict()
+    if mounting.bias_deg.any() or mounting.film.any():
+        extra["sensor_seat"] = mounting.to_dict()
     return Model(
         campaign=evidence.data.campaign.name,
         material=plain.material,

@@ -85,7 +85,7 @@ class LawProblem(AngleProblem):
 
     def _angle(self, chain: Chain, z: Floats) -> Floats:
         effects = self.effects(z)
-        return chain.seated(self._in_fixture(effects)[1]).run(to_x(z[:5]), effects)[0]
+        return chain.mounted(self._in_fixture(effects)[1]).run(to_x(z[:5]), effects)[0]
 
     def columns(self, z: Floats) -> Floats:
         """Columns of the nuisances about a point, the law's last."""

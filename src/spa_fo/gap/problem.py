@@ -20,13 +20,13 @@ from spa_fo.gap.searched import (
     LN_GAIN,
     LOWEST,
     Slot,
-    paced,
+    at_rate,
     to_x,
     wave,
 )
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.whitening import Factor
-from spa_fo.plant.chain import Seat
+from spa_fo.plant.chain import Mounting
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,7 @@ class _Base:
     z: Floats
     effects: Floats
     angle_deg: Floats
-    in_fixture: tuple[Floats, Seat]
+    in_fixture: tuple[Floats, Mounting]
     slopes: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
 
 
@@ -59,7 +59,7 @@ class AngleProblem(Explained):
     ids : sequence of str
         Effects of the explanation.
     changed : bool
-        Whether an unknown sensor curve is that of later calibrations too, not of the seat alone.
+        Whether an unknown sensor curve is that of later calibrations too, not the mounting's alone.
     """
 
     def __init__(
@@ -141,8 +141,10 @@ class AngleProblem(Explained):
         base = self._about(z)
         y, _ = self.predict(z)
         gain, _ = self._slope(z, LN_GAIN)
-        _, seat = base.in_fixture
-        quick, _ = self.chain.seated(seat).run(paced(to_x(z[:5]), 1.0 + _SCALE_STEP), base.effects)
+        _, mounting = base.in_fixture
+        quick, _ = self.chain.mounted(mounting).run(
+            at_rate(to_x(z[:5]), 1.0 + _SCALE_STEP), base.effects
+        )
         scale = (quick - y) / _SCALE_STEP
         fixture = evidence.fixture
         tied = np.zeros((y.size, 0))
@@ -207,10 +209,10 @@ class AngleProblem(Explained):
         """Angles at the grid's samples, and readings in the fixture."""
         e, base = self.effects(z), self._base
         if base is not None and _same(e, base.effects, self.film_slots):
-            deviation, seat = base.in_fixture
+            deviation, mounting = base.in_fixture
         else:
-            deviation, seat = self._in_fixture(e)
-        chain = self.chain.seated(seat)
+            deviation, mounting = self._in_fixture(e)
+        chain = self.chain.mounted(mounting)
         if (
             base is not None
             and np.array_equal(z[:5], base.z[:5])
@@ -221,9 +223,9 @@ class AngleProblem(Explained):
             angle, _ = chain.angles(to_x(z), e)
         return chain.observed(chain.read(angle, e, chain.memory.film.copy()), e), deviation
 
-    def _in_fixture(self, effects: Floats) -> tuple[Floats, Seat]:
+    def _in_fixture(self, effects: Floats) -> tuple[Floats, Mounting]:
         fixture = self.evidence.fixture
-        return (np.zeros(0), Seat()) if fixture is None else fixture.simulate(effects)
+        return (np.zeros(0), Mounting()) if fixture is None else fixture.simulate(effects)
 
     def _about(self, z: Floats) -> _Base:
         if self._base is None or not np.array_equal(z, self._base.z):

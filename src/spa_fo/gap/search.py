@@ -199,7 +199,7 @@ def _moved(problem: AngleProblem, fitted: Fitted, plain: Fitted | None) -> dict[
             less[LIBRARY[name].slots] = np.nan
             chain = problem.chain
             if evidence.fixture is not None:
-                chain = chain.seated(evidence.fixture.simulate(less)[1])
+                chain = chain.mounted(evidence.fixture.simulate(less)[1])
             change = y - chain.run(fitted.x, less)[0]
         found[name] = float(np.sqrt(np.average(change**2, weights=evidence.grid.counts)))
     return found

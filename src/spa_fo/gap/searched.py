@@ -48,10 +48,10 @@ def searched_spread(z: Floats, orders: float, logs: float, gain: float) -> Float
     return np.asarray(slopes @ spread @ slopes.T)
 
 
-def paced(x: Floats, pace: float) -> Floats:
-    """Give the coefficients of an actuator that runs `pace` times as fast."""
-    fast = pace ** x[0]
-    return np.array([x[0], x[1], x[2] * pace ** (x[0] - x[1]), x[3] * fast, x[4] * fast])
+def at_rate(x: Floats, factor: float) -> Floats:
+    """Give the coefficients of an actuator that runs `factor` times as fast."""
+    fast = factor ** x[0]
+    return np.array([x[0], x[1], x[2] * factor ** (x[0] - x[1]), x[3] * fast, x[4] * fast])
 
 
 def wave(hz: float, time_s: Floats) -> Floats:

@@ -21,9 +21,9 @@ from spa_fo.gap.bench_noise import TYPICAL
 from spa_fo.gap.evidence import Evidence, Fixture, curve_columns
 from spa_fo.gap.profiles import Profile
 from spa_fo.gap.rivals import Rival
-from spa_fo.gap.searched import HIGHEST, LN_GAIN, LOWEST, Slot, paced, to_x, to_z
+from spa_fo.gap.searched import HIGHEST, LN_GAIN, LOWEST, Slot, at_rate, to_x, to_z
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.chain import Memory, Seat, chain_for
+from spa_fo.plant.chain import Memory, Mounting, chain_for
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
@@ -226,7 +226,9 @@ class _Form:
         self.high = np.array([*HIGHEST, *(s.limits[1] for s in self.slots)])
         spread = [slot.parameter.spread for slot in self.slots]
         self.spread = np.concatenate([_SPREAD, spread])
-        self.seat = Seat() if bench.fixture is None else bench.fixture.simulate(rival.effects)[1]
+        self.mounting = (
+            Mounting() if bench.fixture is None else bench.fixture.simulate(rival.effects)[1]
+        )
         nuisances = np.append(SETTINGS.angle_late_s, bench.curve_sigma_deg)
         self.precision = 1.0 / np.square(np.append(self.spread, nuisances))
 
@@ -274,7 +276,7 @@ class _View:
         self.pressed = np.flatnonzero(grid.cells > 0)
         pressure = grid.pressure_kpa if grid.command_kpa is None else None
         chain = chain_for(grid, to_x(form.z[:5]), bench.reference_kpa, pressure)
-        self.chain = chain.seated(form.seat)
+        self.chain = chain.mounted(form.mounting)
         starts = starts or [self.chain.memory] * (form.z.size + 1)
         self.angle_deg, self.pressure_kpa, end = self.predict(form.z, starts[0])
         self.ends = [end]
@@ -302,7 +304,7 @@ class _View:
         """Angles (deg), pressures (kPa) and what is remembered."""
         e = self.form.effects(z)
         chain = replace(self.chain, memory=memory)
-        angle, end = chain.run(paced(to_x(z[:5]), rate_factor), e)
+        angle, end = chain.run(at_rate(to_x(z[:5]), rate_factor), e)
         kpa = self.grid.step_means(chain.pressure(e, memory.play_kpa.copy()))
         return angle, kpa[self.pressed], end
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from spa_fo.fractional import step_response
-from spa_fo.gap.searched import paced
+from spa_fo.gap.searched import at_rate
 from spa_fo.plant.paper import TABLE_I
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ def typical(given: Floats, horizon_s: float) -> Floats:
     rise = np.log(_rise_s(given, horizon_s))
 
     def later(log_rate: float) -> float:
-        return float(np.log(_rise_s(paced(usual, float(np.exp(log_rate))), horizon_s)) - rise)
+        return float(np.log(_rise_s(at_rate(usual, float(np.exp(log_rate))), horizon_s)) - rise)
 
     ends = np.log(_SLOWEST), np.log(_FASTEST)
     signs = [later(end) for end in ends]
@@ -47,7 +47,7 @@ def typical(given: Floats, horizon_s: float) -> Floats:
         log_rate = float(brentq(later, *ends, xtol=1e-3))
     else:
         log_rate = float(ends[int(np.argmin(np.abs(signs)))])
-    x = paced(usual, float(np.exp(log_rate)))
+    x = at_rate(usual, float(np.exp(log_rate)))
     end = np.array([horizon_s])
     x[4] *= float(step_response(end, *given)[0] / step_response(end, *x)[0])
     return np.asarray(x)

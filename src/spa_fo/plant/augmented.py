@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
-from spa_fo.plant.chain import Chain, Memory, Seat, chain_for
+from spa_fo.plant.chain import Chain, Memory, Mounting, chain_for
 from spa_fo.plant.effects.effect import Effect, Parameter
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.grid import campaign_grid
@@ -28,7 +28,7 @@ Integers = NDArray[np.int64]
 Source = Path | str
 
 _LISTED = "zeros_deg"  # key of a slipping sensor's zeros, by order
-_SEAT = "sensor_seat"  # key of a model: film and bias that the first calibration left
+_MOUNTING = "sensor_seat"  # key of a model: film and bias that the first calibration left
 _ROUNDING = 1e-9  # a bound that has passed through a logarithm
 
 
@@ -201,10 +201,10 @@ def _run(model: Model, trials: Sequence[Trial], memory: Memory, source: Source) 
     x, effects = model.transfer_function.as_array(), effects_vector(model, source)
     pressure = driven if model.signal == "pressure" else None
     chain = chain_for(grid, x, model.reference_kpa, pressure, memory)
-    seat = _seat(model, source)
+    mounting = _mounting(model, source)
     # After an earlier campaign the film is as its last trial left it.
     fresh = math.isnan(memory.ends_s)
-    chain = chain.seated(seat) if fresh else replace(chain, seat=seat)
+    chain = chain.mounted(mounting) if fresh else replace(chain, mounting=mounting)
     law = law_in(model, source)
     if law is not None:
         chain = with_law(chain, law)
@@ -248,16 +248,18 @@ def _zeros_deg(model: Model, effects: Floats, orders: Integers, same_sensor: boo
     return np.array(zeros)
 
 
-def _seat(model: Model, source: Source) -> Seat:
+def _mounting(model: Model, source: Source) -> Mounting:
     """How the sensor comes from its calibration, if the model says so."""
-    if _SEAT not in model.extra:
-        return Seat()
+    if _MOUNTING not in model.extra:
+        return Mounting()
     try:
-        return Seat.from_dict(model.extra[_SEAT])
+        return Mounting.from_dict(model.extra[_MOUNTING])
     except KeyError as error:
-        raise BadInput(source, "missing, expected this key", f"{_SEAT}.{error.args[0]}") from error
+        raise BadInput(
+            source, "missing, expected this key", f"{_MOUNTING}.{error.args[0]}"
+        ) from error
     except (TypeError, ValueError, OverflowError) as error:
-        raise BadInput(source, f"expected a sensor's state: {error}", _SEAT) from error
+        raise BadInput(source, f"expected a sensor's state: {error}", _MOUNTING) from error
 
 
 def _memory_for(model: Model, campaign: Campaign, source: Source) -> Memory:

@@ -105,7 +105,7 @@ class Memory:
 
 
 @dataclass(frozen=True)
-class Seat:
+class Mounting:
     """How the sensor comes from its first calibration.
 
     Attributes
@@ -153,7 +153,7 @@ class Seat:
         return {name: getattr(self, name).tolist() for name in ("film", "known_deg", "bias_deg")}
 
     @classmethod
-    def from_dict(cls, document: dict[str, Any]) -> Seat:
+    def from_dict(cls, document: dict[str, Any]) -> Mounting:
         """Read what `to_dict` wrote.
 
         Raises
@@ -188,7 +188,7 @@ class Chain:
         Of the fractional memory.
     memory : Memory
         What the specimen remembers at the start.
-    seat : Seat
+    mounting : Mounting
         How the sensor came from its first calibration.
     """
 
@@ -198,14 +198,14 @@ class Chain:
     reference_kpa: float
     contour: Contour
     memory: Memory = field(default_factory=Memory)
-    seat: Seat = field(default_factory=Seat)
+    mounting: Mounting = field(default_factory=Mounting)
 
-    def seated(self, seat: Seat) -> Chain:
+    def mounted(self, mounting: Mounting) -> Chain:
         """Return the chain with a sensor that comes from this calibration."""
-        seated = replace(self, seat=seat, memory=replace(self.memory, film=seat.film))
+        mounted = replace(self, mounting=mounting, memory=replace(self.memory, film=mounting.film))
         if self.is_pressure:
-            seated.__dict__["_known_load"] = self._known_load
-        return seated
+            mounted.__dict__["_known_load"] = self._known_load
+        return mounted
 
     def pressure(self, effects: Floats, play: Floats) -> Floats:
         """Give the true pressure on the cells, kPa."""
@@ -346,7 +346,7 @@ class Chain:
         else:
             at = (grid.level, grid.step_starts, step, share, trial)
             y = np.mean([read_earlier(before, reading, *at, late) for late in delays], axis=0)
-        y = self.seat.logged_deg(y)
+        y = self.mounting.logged_deg(y)
         walk, zero = effects[_SLIP]
         if not math.isnan(walk):
             y = y + slipped(grid.orders, walk, zero)[trial]

@@ -182,7 +182,7 @@ class RunningSensor:
         bends = (sensor.sensor_nonlinearity, sensor.sensor_saturation)
         self._bends = [bend for bend in bends if bend is not None]
         self._zero_deg = 0.0
-        self._seat_deg = 0.0
+        self._mounting_deg = 0.0
         self._trials = 0
 
     def mount(self, offset_deg: float, shift: float) -> None:
@@ -191,14 +191,14 @@ class RunningSensor:
         slip = self._sensor.sensor_slip
         if slip is not None:
             self._zero_deg += slip.shift_deg(self._trials, shift)
-        self._seat_deg = offset_deg
+        self._mounting_deg = offset_deg
 
     def __call__(self, angle_deg: Array) -> Array:
         """Divider voltage while the sensor sits in the actuator."""
         felt = self._pocket(angle_deg)
         for bend in self._bends:
             felt = bend.felt(felt)
-        return self._volts(felt + self._seat_deg)
+        return self._volts(felt + self._mounting_deg)
 
     def in_fixture(self, angle_deg: Array) -> Array:
         """Divider voltage in the calibration fixture: no pocket, no offset."""

@@ -1,6 +1,6 @@
 """True angle -> what the flex channel holds, step by step.
 
-The mechanics first (curve of the seat, saturation), then hysteresis, creep and lag of the film;
+The mechanics first (curve of the mounting, saturation), then hysteresis, creep and lag of the film;
 the zero of a slipping sensor is added last.
 """
 

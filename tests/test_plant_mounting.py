@@ -7,42 +7,42 @@ from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 from plant_cases import KPA, X, step_release, trials, vector
-from spa_fo.plant.chain import Memory, Seat, chain_for
+from spa_fo.plant.chain import Memory, Mounting, chain_for
 from spa_fo.plant.grid import campaign_grid
 
 KNOWN = np.arange(0.0, 91.0, 15.0)
 BIAS = np.array([1.4, 0.5, 0.1, -0.1, -0.3, -1.0, -2.9])
 
 
-def seat(bias=BIAS):
-    return Seat(known_deg=KNOWN, bias_deg=bias)
+def mounting(bias=BIAS):
+    return Mounting(known_deg=KNOWN, bias_deg=bias)
 
 
 def test_the_calibrated_curve_is_right_at_the_known_angles():
-    np.testing.assert_allclose(seat().logged_deg(KNOWN + BIAS), KNOWN, atol=1e-4)
+    np.testing.assert_allclose(mounting().logged_deg(KNOWN + BIAS), KNOWN, atol=1e-4)
 
 
 def test_it_is_the_curve_that_a_calibration_would_draw():
     reading = np.linspace(KNOWN[0] + BIAS[0], KNOWN[-1] + BIAS[-1], 50)
     drawn = PchipInterpolator(KNOWN + BIAS, KNOWN)(reading)
-    np.testing.assert_allclose(seat().logged_deg(reading), drawn, atol=1e-4)
+    np.testing.assert_allclose(mounting().logged_deg(reading), drawn, atol=1e-4)
 
 
 def test_beyond_its_ends_it_goes_straight_on():
-    beyond = seat(0.05 * KNOWN).logged_deg(np.array([-10.5, 105.0]))
+    beyond = mounting(0.05 * KNOWN).logged_deg(np.array([-10.5, 105.0]))
     np.testing.assert_allclose(beyond, [-10.0, 100.0], atol=1e-4)
 
 
 @given(st.lists(st.floats(-40.0, 40.0), min_size=7, max_size=7))
 @settings(max_examples=50, deadline=None)
 def test_it_never_runs_backwards(bias):
-    logged = seat(np.array(bias)).logged_deg(np.linspace(-60.0, 150.0, 400))
+    logged = mounting(np.array(bias)).logged_deg(np.linspace(-60.0, 150.0, 400))
     assert np.all(np.diff(logged) >= -1e-9)
 
 
 def test_without_bias_nothing_changes():
     reading = np.linspace(-5.0, 80.0, 9)
-    assert Seat().logged_deg(reading) is reading
+    assert Mounting().logged_deg(reading) is reading
 
 
 @pytest.mark.parametrize("delay_s", [None, 0.3])
@@ -54,6 +54,6 @@ def test_a_film_that_rests_off_zero_reads_so_from_the_first_sample(delay_s):
     film = Memory().film.copy()
     film[0] = -1.0  # it was last bent back
     chain = chain_for(campaign_grid(trials(step_release()), longest=4), X, KPA)
-    angle, _ = chain.seated(Seat(film=film)).run(X, effects)
+    angle, _ = chain.mounted(Mounting(film=film)).run(X, effects)
     at_rest = chain.grid.time_s < 0.5
     np.testing.assert_allclose(angle[at_rest], 3.0, atol=1e-9)
