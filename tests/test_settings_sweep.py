@@ -21,7 +21,14 @@ from spa_fo.gap.settings import SETTINGS
 BENCHMARKS = Path(__file__).resolve().parent.parent / "benchmarks"
 CAUSE = ("cause", frozenset({frozenset({"creep"})}))
 NONE = ("no_gap", frozenset())
-READ_AFTER_ALL_IS_FITTED = {"decide.py", "held_to.py", "diagnose.py", "laws.py", "missing.py"}
+READ_AFTER_ALL_IS_FITTED = {
+    "answer.py",
+    "decide.py",
+    "held_to.py",
+    "diagnose.py",
+    "laws.py",
+    "missing.py",
+}
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from spa_fo.gap.bench_noise import TYPICAL
-from spa_fo.gap.evidence import Evidence, Fixture, curve_columns
+from spa_fo.gap.evidence import Evidence, curve_columns
+from spa_fo.gap.fixture import Fixture
 from spa_fo.gap.profiles import Profile
 from spa_fo.gap.rivals import Rival
 from spa_fo.gap.searched import HIGHEST, LN_GAIN, LOWEST, Slot, at_rate, to_x, to_z
