@@ -85,7 +85,7 @@ def test_a_vacuum_has_an_answer_though_no_profile(
 ) -> None:
     folder = tmp_path / "vacuum"
     campaigns.free_campaign(folder, trials=3, sign=-1.0)
-    module = importlib.import_module("spa_fo.gap.diagnose")
+    module = importlib.import_module("spa_fo.gap.examine")
     decided = module.decide
     monkeypatch.setattr(module, "decide", lambda *given: replace(decided(*given), kind="unknown"))
     found = answer(folder, softer, tmp_path / "out", *FEW)
