@@ -71,7 +71,7 @@ def test_hysteresis_is_among_the_sets_and_closes_the_gap(hysteresis):
 
 def test_trials_that_judge_took_no_part_in_the_fits(tmp_path, monkeypatch):
     written(tmp_path, "hysteresis", seed=24)
-    module = importlib.import_module("spa_fo.gap.diagnose")
+    module = importlib.import_module("spa_fo.gap.examine")
     explained, shrunk = module.explain, claim.shrink
     seen = {}
 
