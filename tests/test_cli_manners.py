@@ -258,7 +258,11 @@ def test_ctrl_c_ends_a_diagnosis_in_one_line(steps: Path, tmp_path: Path, after_
 
 
 def test_ctrl_c_in_process(
-    steps: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    steps: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
 ) -> None:
     from spa_fo.api import Campaign
 
@@ -266,7 +270,10 @@ def test_ctrl_c_in_process(
         signal.raise_signal(signal.SIGINT)
         time.sleep(10.0)  # Python handles a signal between two of its own steps
 
-    handler = signal.getsignal(signal.SIGINT)
+    # A shell that starts the tests in the background leaves Ctrl-C ignored.
+    handler = signal.default_int_handler
+    before = signal.signal(signal.SIGINT, handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
     monkeypatch.setattr(Campaign, "fit", interrupted_fit)
     with pytest.raises(SystemExit) as left:
         main(["fit", str(steps), "--out", str(tmp_path / "m.json")])
