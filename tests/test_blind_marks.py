@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from blind.judge import Outcome, Truth, score
+from blind.judge.check import CALIBRATION
 from blind.judge.check import main as check
 from blind.judge.classes import DIMENSIONS
 from blind.judge.questions import MEASURES
@@ -204,6 +205,23 @@ def test_marks_that_fall_short_are_said_with_exit_code_1(
     worst = "virtual_rig: no effect: false alarms, worst class"
     assert any(line.startswith(worst) for line in said)
     assert not any("truth in the sets" in line for line in said)
+
+
+def test_what_may_be_chance_is_forgiven_where_that_is_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    checked(quiet_and_alarms(19, 1), tmp_path)
+    capsys.readouterr()
+    path = str(tmp_path / "scores.json")
+    assert check([path]) == 1
+    assert check(["--beyond-chance", path]) == 0
+    checked(quiet_and_alarms(10, 10), tmp_path)
+    assert check(["--beyond-chance", path]) == 1
+    assert "expected ≤ 0.02, found 0.500" in capsys.readouterr().out
+
+
+def test_the_mark_that_chance_adds_to_is_the_one_of_that_name() -> None:
+    assert CALIBRATION in {target.name for target in TARGETS}
 
 
 def test_scores_without_any_case_reach_nothing(tmp_path: Path) -> None:
