@@ -125,6 +125,7 @@ def examine(
 def _driven_by_pressure(data: CampaignData) -> CampaignData:
     """Leave the command out: the model takes the measured pressure for what drives it."""
     if any(trial.pressure_kpa is None for trial in data.trials):
-        raise BadInput(data.campaign.folder, "expected a pressure column: it drives the model")
+        signal = "pressure"
+        raise BadInput(data.campaign.folder, f"expected a {signal} column: it drives the model")
     trials = tuple(replace(trial, command_kpa=None) for trial in data.trials)
     return replace(data, trials=trials)
