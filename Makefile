@@ -13,7 +13,7 @@ INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
 PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
 BLIND_COST := (two hours; part: 0.25 in config.yaml, half an hour)
-BLIND_SMALL_COST := (ten minutes)
+BLIND_SMALL_COST := (five minutes)
 FIRMWARE_TOOLS := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev gcc libc6-dev
 SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
@@ -28,7 +28,7 @@ help:
 	@echo "make docs        the documentation site -> build/site/"
 	@echo "make audit       the audit of the paper -> docs/audit.md"
 	@echo "make blind       the blind benchmark of the diagnosis -> docs/blind.md $(BLIND_COST)"
-	@echo "make blind-small a part of it; fails where a mark falls short $(BLIND_SMALL_COST)"
+	@echo "make blind-small a part of it; fails where a mark is missed by more than chance $(BLIND_SMALL_COST)"
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make static-curve  a curve beside the model on the measured campaigns in DATA -> docs/real_data.md"
 	@echo "make changes     what differs between measured logs in DATA -> docs/real_data/changes.md"

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from blind.judge import Outcome, Truth, score
-from blind.judge.check import CALIBRATION
+from blind.judge.check import CALIBRATION, NO_SHARE
 from blind.judge.check import main as check
 from blind.judge.classes import DIMENSIONS
 from blind.judge.questions import MEASURES
@@ -221,7 +221,9 @@ def test_what_may_be_chance_is_forgiven_where_that_is_asked(
 
 
 def test_the_mark_that_chance_adds_to_is_the_one_of_that_name() -> None:
-    assert CALIBRATION in {target.name for target in TARGETS}
+    measures = {target.measure for target in TARGETS}
+    assert CALIBRATION in measures
+    assert {*NO_SHARE} - {""} <= measures
 
 
 def test_scores_without_any_case_reach_nothing(tmp_path: Path) -> None:

@@ -179,6 +179,12 @@ def test_the_error_of_a_dwells_angle_is_found_beside_a_loop(
     assert np.sqrt(np.mean(np.square(found))) == pytest.approx(error_deg, rel=0.2, abs=0.02)
 
 
+def test_no_fixture_is_exact_though_a_coarse_converter_reads_the_same_both_ways() -> None:
+    exact = dwell_error([calibrated(0.0, 0.0, 1)])  # type: ignore[list-item]
+    assert exact is not None
+    assert 0.0 < exact < 0.01
+
+
 def test_angles_that_were_held_once_say_nothing_of_their_error() -> None:
     once = calibrated(0.5, 0.0, 1)
     once.dwells = [d for d in once.dwells if d.direction == "up"]

@@ -40,6 +40,7 @@ TYPICAL = Scatter(
 _FIXED_DEG = 0.03  # error of averaging a curve over a step
 _RATE_STEP = 2e-3
 _FEWEST_ROWS = 12  # averaged samples that trials must share
+_NO_FIXTURE_DEG = 0.005  # is as exact: readings that agree to the count say no more
 _FEWEST_ANGLES = 4  # that two ways through a calibration must share
 
 
@@ -185,7 +186,7 @@ def dwell_error(calibrations: Sequence[Calibration]) -> float | None:
         bent = differences[1:-1] - (1.0 - share) * differences[:-2] - share * differences[2:]
         squares += float(np.sum(bent**2 / (2.0 * (1.0 + (1.0 - share) ** 2 + share**2))))
         freedom += bent.size
-    return float(np.sqrt(squares / freedom)) if freedom else None
+    return max(float(np.sqrt(squares / freedom)), _NO_FIXTURE_DEG) if freedom else None
 
 
 def _ways(calibrations: Sequence[Calibration]) -> list[dict[float, float]]:
