@@ -127,7 +127,7 @@ def claim(
     made = None
     if first:
         chosen = next(e for s, e in zip(leading, fits, strict=True) if s.named == first)
-        scatter = _scatter(everything, chosen, curves["explained"], floor_deg)
+        scatter = _scatter(everything, held, chosen, curves["explained"], floor_deg)
         made = shrink(everything, held, curves, scatter, rng)
     return Claim(held, curves, errors, closed, made)
 
@@ -157,14 +157,20 @@ def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
 
 
 def _scatter(
-    everything: Evidence, chosen: Explanation, explained_deg: Floats, floor_deg: float
+    everything: Evidence,
+    held: HeldOut,
+    chosen: Explanation,
+    explained_deg: Floats,
+    floor_deg: float,
 ) -> float:
     """Tell what trials differ by without what an explanation makes them differ by, deg.
 
     Slip, drift and softening let repeated trials differ, and so does an interference, whose phase
-    nobody can foretell: they are part of the gap.
+    nobody can foretell: they are part of the gap. The zeros of trials that were not fitted are not
+    known either, and what is missed of them would pass for scatter.
     """
-    scatter = min(floor_deg, noise_floor(everything, explained_deg))
+    which = ~held.trials if at_port("zeros", chosen.ids) else None
+    scatter = min(floor_deg, noise_floor(everything, explained_deg, which, floor_deg))
     if chosen.line is None:
         return scatter
     wave = chosen.line[1] ** 2 / 2.0

@@ -14,7 +14,12 @@ Floats = NDArray[np.float64]
 _NEAR_S = 0.4
 
 
-def noise_floor(evidence: Evidence, explained_deg: Floats | None = None) -> float:
+def noise_floor(
+    evidence: Evidence,
+    explained_deg: Floats | None = None,
+    which: NDArray[np.bool_] | None = None,
+    otherwise: float | None = None,
+) -> float:
     """RMS by which trials of one experiment deviate from their expected mean, deg.
 
     Scatter in gain, rest angle and rate and the noise of single samples included; pooled over the
@@ -28,14 +33,20 @@ def noise_floor(evidence: Evidence, explained_deg: Floats | None = None) -> floa
         The campaign.
     explained_deg : (n,) array, optional
         What an explanation predicts: by how much it lets trials differ is no scatter.
+    which : (trials,) bool array, optional
+        Trials to compare; all of them where it is not given.
+    otherwise : float, optional
+        What is returned where nothing was repeated; the noise of single samples where it is not
+        given, which leaves out all scatter.
     """
     values = evidence.grid.angle_deg
     if explained_deg is not None:
         values = values - explained_deg
     squares = {"mean": 0.0, "successive": 0.0}
     weights = {"mean": 0.0, "successive": 0.0}
-    every = np.ones(len(evidence.grid.trials), dtype=bool)
-    for repeated in repeats(evidence, values, every):
+    if which is None:
+        which = np.ones(len(evidence.grid.trials), dtype=bool)
+    for repeated in repeats(evidence, values, which):
         angle, weight = repeated.values, repeated.weight
         seen = np.isfinite(angle)
         # Averaging over a step took white noise away; it is given back below.
@@ -51,7 +62,7 @@ def noise_floor(evidence: Evidence, explained_deg: Floats | None = None) -> floa
             squares[name] += float(weight @ (square - freedom * white))
             weights[name] += float(weight @ freedom)
     if not weights["mean"]:
-        return evidence.noise_deg
+        return evidence.noise_deg if otherwise is None else otherwise
     between = min(squares[name] / max(weights[name], 1e-9) for name in squares)
     return float(np.sqrt(max(between, 0.0) + evidence.noise_deg**2))
 

@@ -110,7 +110,8 @@ def find_missing(
     where = judged(everything, held)
 
     def closed(curve: Floats) -> float:
-        floor = min(floor_deg, noise_floor(everything, curve), rmse(everything, curve, where))
+        scatter = noise_floor(everything, curve, otherwise=floor_deg)
+        floor = min(floor_deg, scatter, rmse(everything, curve, where))
         before, after = (rmse(everything, each, where) ** 2 for each in (plain_deg, curve))
         return float(fraction_closed(before, after, floor))
 
