@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.blas import one_blas_thread
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, learn
 from spa_fo.errors import BadInput
 from spa_fo.gap.bench_noise import TYPICAL, Beyond
@@ -87,6 +88,7 @@ class Comparison:
         }
 
 
+@one_blas_thread
 def compare(
     reference: CampaignData,
     data: CampaignData,

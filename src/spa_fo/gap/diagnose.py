@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.blas import one_blas_thread
 from spa_fo.errors import BadInput
 from spa_fo.gap.answer import causes_of, p_value, smallest_bic, stages, traces_of
 from spa_fo.gap.bench_noise import Beyond
@@ -121,6 +122,7 @@ def write_files(diagnosis: Diagnosis, out: Path | str) -> None:
     write_diagnosis(out / "diagnosis.json", diagnosis)
 
 
+@one_blas_thread
 def diagnose(
     data: CampaignData,
     plain: Model,

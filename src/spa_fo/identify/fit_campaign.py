@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.blas import one_blas_thread
 from spa_fo.errors import BadInput
 from spa_fo.fractional import simulate, step_map
 from spa_fo.identify.bounds import Bounds
@@ -32,6 +33,7 @@ from spa_fo.rig.plausibility import stands_still
 Floats = NDArray[np.float64]
 
 
+@one_blas_thread
 def fit_campaign(
     data: CampaignData,
     *,
