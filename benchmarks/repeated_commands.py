@@ -32,8 +32,10 @@ class Columns:
     ----------
     unit : str
         Of both pressures.
-    angle, pressure : str
-        Names of columns.
+    angle : str or None
+        Name of a column; None where no angle was logged.
+    pressure : str
+        Name of a column.
     command : str or None
         None where the log's command is no pressure: then the measured pressure is the input.
     repeated : str
@@ -41,7 +43,7 @@ class Columns:
     """
 
     unit: str
-    angle: str
+    angle: str | None
     pressure: str
     command: str | None
     repeated: str
@@ -243,7 +245,11 @@ def configuration(
                     role: {"column": column, "unit": columns.unit, "offset": -rest}
                     for role, (column, rest) in inputs.items()
                 },
-                "angle": {"column": columns.angle, "unit": "deg", "rest": "zero"},
+                **(
+                    {"angle": {"column": columns.angle, "unit": "deg", "rest": "zero"}}
+                    if columns.angle
+                    else {}
+                ),
             },
         },
         "input": {"reference_kpa": series.reference_kpa},
