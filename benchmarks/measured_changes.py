@@ -119,7 +119,7 @@ TAKES = tuple(
     Series(f"regulator, {take}", take, "regulator", (f"regulator/{take}.csv",), REGULATOR, 0.0, 0.0)
     for take in ("repeating_take1_20s", "sweep_take1_15s")
 )
-CONDITIONED = replace(BY_NAME["pulse25_bias0"], cycles=((1, 2), (4, 5)))
+CONDITIONED = replace(BY_NAME["pulse25_bias0"], cycles=((1, 2), (4, 5)), rest_angle=1.6)
 CEILING = whole("to_210", "pneunet/saturating_steps_210deg", PNEUNET, (0.0, 0.3), 10.0)
 STIFFER = "the opposite chambers hold 1 psi in place of 0: stiffer"
 WEIGHT = "200 g at the tip"

@@ -69,6 +69,8 @@ class Series:
         Cycles of the one log that make up each repeat, from 1; empty where a log is a repeat.
     lead_s : float
         Rest before each cycle that belongs to it.
+    rest_angle : float or None
+        The zero of every repeat; where None, each begins at its own.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Series:
     reference_kpa: float = 100.0
     cycles: tuple[tuple[int, ...], ...] = ()
     lead_s: float = 1.0
+    rest_angle: float | None = None
 
     @property
     def signal(self) -> str | None:
@@ -232,6 +235,11 @@ def configuration(
     inputs = {"pressure": (columns.pressure, series.rest_pressure)}
     if columns.command:
         inputs = {"command": (columns.command, series.rest_command), **inputs}
+    angle: dict[str, dict[str, Any]] = {}
+    if columns.angle:
+        angle["angle"] = {"column": columns.angle, "unit": "deg", "rest": "zero"}
+        if series.rest_angle is not None:
+            angle["angle"] |= {"rest": "keep", "offset": -series.rest_angle}
     return {
         "schema": "spa-fo/campaign/1",
         "name": name,
@@ -245,11 +253,7 @@ def configuration(
                     role: {"column": column, "unit": columns.unit, "offset": -rest}
                     for role, (column, rest) in inputs.items()
                 },
-                **(
-                    {"angle": {"column": columns.angle, "unit": "deg", "rest": "zero"}}
-                    if columns.angle
-                    else {}
-                ),
+                **angle,
             },
         },
         "input": {"reference_kpa": series.reference_kpa},

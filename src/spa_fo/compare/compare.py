@@ -24,6 +24,7 @@ from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented
 from spa_fo.rig import CampaignData, Trial
+from spa_fo.rig.trials import before_first_change
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -151,11 +152,13 @@ def compare(
     common = law.predict(there)
     predicted = [t.angle_deg - s.missed for t, s in zip(reference.trials, missed, strict=True)]
     spectrum, scattered = noise_of(law, missed, predicted, common)
-    rest = max(_bent_at_rest(trial, plain) for trial in data.trials)
+    rest = max(_bent_at_rest(trial, plain) for trial in data.trials) if _zeroed(data) else 0.0
+    zeroed = [t for each in (reference, data) if _zeroed(each) for t in each.trials]
+    moving = max(map(_moved_before, zeroed), default=0.0)
     beyond = Beyond(
         angle=spectrum,
-        scatter=replace(scattered, rest_deg=float(np.hypot(scattered.rest_deg, rest))),
-        angle_deg=float(np.hypot(law.left_rms, uncertain(common))),
+        scatter=replace(scattered, rest_deg=_together(scattered.rest_deg, rest, moving)),
+        angle_deg=_together(law.left_rms, uncertain(common), moving),
     )
     trials = [
         replace(t, angle_deg=t.angle_deg - mean)
@@ -196,6 +199,22 @@ def _bent_at_rest(trial: Trial, plain: Model) -> float:
     assert drive is not None
     share = abs(float(drive[0])) / max(float(np.max(np.abs(drive))), 1e-9)
     return share * float(np.max(np.abs(trial.angle_deg)))
+
+
+def _zeroed(data: CampaignData) -> bool:
+    """Say whether each log's zero is its own mean before the input changes, not the sensor's."""
+    return any(column.rest == "zero" for column in (data.campaign.log.columns or {}).values())
+
+
+def _moved_before(trial: Trial) -> float:
+    """Return how far the angle goes before the input changes: its mean there is no sure zero."""
+    before = trial.angle_deg[: before_first_change(trial)]
+    fifth = before.size // 5
+    return abs(float(before[-fifth:].mean() - before[:fifth].mean())) if fifth else 0.0
+
+
+def _together(*deviations: float) -> float:
+    return float(np.sqrt(np.sum(np.square(deviations))))
 
 
 def _of(signal: Floats | None) -> Floats:
