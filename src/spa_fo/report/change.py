@@ -91,7 +91,8 @@ def write_comparison(comparison: Comparison, folder: Path | str) -> tuple[Path, 
         )
         names = [path.name for path in figures]
         write_text(temporary / PAGE, document(comparison))
-        text = json.dumps(comparison.to_dict(), indent=2, allow_nan=False)
+        said = {**comparison.to_dict(), "answer": list(answer(comparison))}
+        text = json.dumps(said, indent=2, allow_nan=False)
         write_text(temporary / DOCUMENT, text + "\n")
         if comparison.model is not None:
             write_model(temporary / MODEL, comparison.model)
