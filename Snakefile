@@ -33,4 +33,3 @@ rule all:
     default_target: True
     input:
         RESULTS / "summary.md",
-        expand(RESULTS / "{material}" / "changed", material=REFERENCES),

@@ -32,8 +32,10 @@ class Columns:
     ----------
     unit : str
         Of both pressures.
-    angle, pressure : str
-        Names of columns.
+    angle : str or None
+        Name of a column; None where no angle was logged.
+    pressure : str
+        Name of a column.
     command : str or None
         None where the log's command is no pressure: then the measured pressure is the input.
     repeated : str
@@ -41,7 +43,7 @@ class Columns:
     """
 
     unit: str
-    angle: str
+    angle: str | None
     pressure: str
     command: str | None
     repeated: str
@@ -67,6 +69,8 @@ class Series:
         Cycles of the one log that make up each repeat, from 1; empty where a log is a repeat.
     lead_s : float
         Rest before each cycle that belongs to it.
+    rest_angle : float or None
+        The zero of every repeat; where None, each begins at its own.
     """
 
     name: str
@@ -79,6 +83,7 @@ class Series:
     reference_kpa: float = 100.0
     cycles: tuple[tuple[int, ...], ...] = ()
     lead_s: float = 1.0
+    rest_angle: float | None = None
 
     @property
     def signal(self) -> str | None:
@@ -230,6 +235,11 @@ def configuration(
     inputs = {"pressure": (columns.pressure, series.rest_pressure)}
     if columns.command:
         inputs = {"command": (columns.command, series.rest_command), **inputs}
+    angle: dict[str, dict[str, Any]] = {}
+    if columns.angle:
+        angle["angle"] = {"column": columns.angle, "unit": "deg", "rest": "zero"}
+        if series.rest_angle is not None:
+            angle["angle"] |= {"rest": "keep", "offset": -series.rest_angle}
     return {
         "schema": "spa-fo/campaign/1",
         "name": name,
@@ -243,7 +253,7 @@ def configuration(
                     role: {"column": column, "unit": columns.unit, "offset": -rest}
                     for role, (column, rest) in inputs.items()
                 },
-                "angle": {"column": columns.angle, "unit": "deg", "rest": "zero"},
+                **angle,
             },
         },
         "input": {"reference_kpa": series.reference_kpa},

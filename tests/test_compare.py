@@ -15,10 +15,12 @@ from blind.first_rig import write_case
 from blind_documents import document, read
 from spa_fo.api import Campaign, Comparison
 from spa_fo.cli import main
+from spa_fo.compare.compare import _moved_before, _zeroed
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, inputs, kernel, learn, telling
 from spa_fo.config import match_materials
 from spa_fo.errors import BadInput
 from spa_fo.plant import read_model
+from spa_fo.rig.trials import before_first_change
 
 RICH = {"name": "rich", "repeats": 2}
 
@@ -129,6 +131,22 @@ def test_a_trial_begins_with_what_the_one_before_left() -> None:
     at_once, later = inputs([first, second], np.array([3.0]))
     left = at_once[-1, 1] * np.exp(-5.0 / 3.0)
     assert later[0, 1] == pytest.approx(left, rel=0.02)
+
+
+# --- the zero of a log ---------------------------------------------------------------------------
+
+
+def test_a_zero_that_was_taken_while_the_angle_moved_is_not_sure(tmp_path: Path) -> None:
+    write_case(document(protocol={"name": "single", "repeats": 1}), tmp_path)
+    data = read(tmp_path / "campaign")
+    assert not _zeroed(data)  # its zero is the sensor's
+    trial = data.trials[0]
+    still = _moved_before(trial)
+    before = before_first_change(trial)
+    angle = trial.angle_deg.copy()
+    angle[:before] += np.linspace(-5.0, 0.0, before)
+    assert still < 0.5
+    assert _moved_before(replace(trial, angle_deg=angle)) == pytest.approx(4.0, abs=0.6)
 
 
 # --- the comparison ------------------------------------------------------------------------------

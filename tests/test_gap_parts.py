@@ -17,6 +17,7 @@ import campaigns
 import naive_plant
 from spa_fo import step_response
 from spa_fo.gap import claim
+from spa_fo.gap.answer import stages
 from spa_fo.gap.evidence import Evidence, collect, curve_columns
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.intervals import _interval, _of_shift, _of_zeros
@@ -194,3 +195,23 @@ def test_the_errors_of_a_slip_are_what_its_zeros_scatter_about_a_line_by() -> No
     wider = student_t.ppf(0.975, 10) / 1.96
     assert absolute["sensor_slip", "walk_deg"] == pytest.approx(np.sqrt(spread[0, 0]) * wider)
     assert absolute["sensor_slip", "zero_deg"] == pytest.approx(0.2 * wider, rel=0.4)
+
+
+# --- what is said where the stage is not known ---------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (np.zeros(1), "neither the pressure nor a calibration"),
+        (None, "the measured pressure drives"),
+    ],
+)
+def test_why_the_stage_is_not_known(command, said):
+    """A model that the pressure drives does not lack the pressure."""
+    grid = SimpleNamespace(command_kpa=command)
+    everything = SimpleNamespace(has_pressure=False, fixture=None, grid=grid)
+    verdict = SimpleNamespace(kind="unknown", sets=())
+    stage, why = stages(SimpleNamespace(everything=everything), verdict, np.zeros(1))
+    assert stage is None
+    assert why.startswith(said)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import html
 import io
 import json
 import re
@@ -77,7 +78,7 @@ def test_every_figure_and_table_is_shown(finished: Path, shown: dict[str, Any]) 
         f"results/pages/{material}/{page}.html"
         for material in REDUCED["materials"]
         for page in ("logs", "fit", "verdict")
-    }
+    } | {"results/pages/fx_pro/changed.html"}
     assert len(figures) >= 9
     assert len(tables) >= 6
     assert set(shown) == figures | tables | texts
@@ -116,6 +117,9 @@ def test_the_front_page_answers_with_the_numbers_of_this_run(finished: Path, rep
         assert f"RMS error of the model is {gap['rmse_deg']:.2f}°" in front
         for error in json.loads((results / "fit.json").read_text())["errors"]:
             assert f"{error['experiment']} {error['rms_deg']:.2f}°" in front
+    changed = finished / "results" / "fx_pro" / "changed" / "comparison.json"
+    for sentence in json.loads(changed.read_text())["answer"]:
+        assert html.escape(sentence) in front
     audit = (finished / "results" / "tables" / "audit.csv").read_text().splitlines()
     assert f"Of {len(audit) - 1} statements" in front
 

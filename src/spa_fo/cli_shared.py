@@ -12,6 +12,7 @@ from spa_fo import places
 
 if TYPE_CHECKING:
     from spa_fo.api import Campaign
+    from spa_fo.rig import CampaignData
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
@@ -106,8 +107,13 @@ def loaded_campaign(folder: Path) -> Campaign:
 
 def tell_oddities(campaign: Campaign) -> None:
     """Say what is odd about a campaign; only when all went well, as a refusal is one line."""
-    for warning in campaign.parse_report.warnings:
-        tell(f"{campaign.data.campaign.folder}: {warning}")
+    tell_warnings(campaign.data)
+
+
+def tell_warnings(data: CampaignData) -> None:
+    """Say what is odd about a campaign's data."""
+    for warning in data.report.warnings:
+        tell(f"{data.campaign.folder}: {warning}")
 
 
 def tell(step: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from spa_fo import places
 from spa_fo.cli_shared import (
@@ -14,9 +15,12 @@ from spa_fo.cli_shared import (
     add_seed,
     loaded_campaign,
     tell,
-    tell_oddities,
     tell_replaced,
+    tell_warnings,
 )
+
+if TYPE_CHECKING:
+    from spa_fo.api import Comparison
 
 
 def add_compare(commands: Commands) -> None:
@@ -58,6 +62,9 @@ def _compare(options: argparse.Namespace) -> None:
     if options.model:
         places.input_file(options.model, "a model file, as spa-fo fit makes one")
     places.output_folder(options.out)
+    if _without_angle(options.reference) or _without_angle(options.campaign):
+        _compare_pressure(options)
+        return
     from spa_fo.api import Model
 
     model = Model.load(options.model) if options.model else None
@@ -70,9 +77,39 @@ def _compare(options: argparse.Namespace) -> None:
         seed=options.seed,
         progress=tell,
     )
+    _write(options, comparison, replaced)
+
+
+def _without_angle(folder: Path) -> bool:
+    from spa_fo.rig import read_campaign
+
+    return not read_campaign(folder, angle=False).has_angle
+
+
+def _compare_pressure(options: argparse.Namespace) -> None:
+    """Compare by command and pressure: an angle that one campaign alone holds says nothing."""
+    from spa_fo.api import Comparison
+    from spa_fo.errors import BadInput
+    from spa_fo.rig import read_campaign
+
+    if options.model:
+        raise BadInput("--model", "belongs to campaigns that both hold an angle")
+    name = read_campaign(options.campaign, angle=False).name
+    replaced = places.replaced_comparison(options.out, name, options.overwrite)
+    comparison = Comparison.of_pressure(
+        options.reference,
+        options.campaign,
+        exclude=options.exclude_effect,
+        seed=options.seed,
+        progress=tell,
+    )
+    _write(options, comparison, replaced)
+
+
+def _write(options: argparse.Namespace, comparison: Comparison, replaced: str) -> None:
     tell("drawing")
     *_, page = comparison.save(options.out)
     tell_replaced(options.out, replaced)
-    tell_oddities(reference)
-    tell_oddities(campaign)
+    tell_warnings(comparison.result.reference)
+    tell_warnings(comparison.result.data)
     print(*comparison.headline(), page, sep="\n")

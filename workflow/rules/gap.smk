@@ -34,7 +34,11 @@ rule compare:
         reference_files=lambda wildcards: raw_files_of(REFERENCES[wildcards.material]),
         model=lambda wildcards: RESULTS / REFERENCES[wildcards.material] / "model.json",
     output:
-        directory(RESULTS / "{material}" / "changed"),
+        shown(
+            directory(RESULTS / "{material}" / "changed"),
+            "{item}.png",
+            "changed.rst",
+        ),
     log:
         RESULTS / "logs" / "{material}" / "compare.log",
     benchmark:

@@ -42,6 +42,7 @@ rule publish:
         ablation_verdicts=of_each_material("ablation.json"),
         figures=of_each_material("figures"),
         diagnoses=of_each_material("diagnosis"),
+        changes=expand(RESULTS / "{material}" / "changed", material=REFERENCES),
     output:
         summary=RESULTS / "summary.md",
         tables=directory(RESULTS / "tables"),
@@ -59,6 +60,7 @@ rule publish:
     params:
         campaigns=[campaign_of(material) for material in MATERIALS],
         materials=CONFIG["materials"],
+        changed=list(REFERENCES),
         code=code("publish.py"),
     script:
         "../scripts/publish.py"

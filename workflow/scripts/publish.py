@@ -8,6 +8,8 @@ import pandas as pd
 from spa_fo.atomic import write_text
 from spa_fo.edge import workflow_step
 from spa_fo.report.answers import write_texts
+from spa_fo.report.change import DOCUMENT
+from spa_fo.report.change import PAGE as CHANGED
 from spa_fo.report.diagnosis import PAGE
 from spa_fo.report.pages import write_pages
 from spa_fo.report.published import PublishedMaterial, told_apart
@@ -20,6 +22,7 @@ def read(path):
 
 
 with workflow_step(snakemake.log[0], snakemake.threads):
+    changes = dict(zip(snakemake.params.changed, map(Path, snakemake.input.changes), strict=True))
     materials = [
         PublishedMaterial(
             name=name,
@@ -34,6 +37,8 @@ with workflow_step(snakemake.log[0], snakemake.threads):
             diagnosis=json.loads(read(Path(snakemake.input.diagnoses[i]) / "diagnosis.json")),
             diagnosis_page=read(Path(snakemake.input.diagnoses[i]) / PAGE),
             opening_png=(Path(snakemake.input.diagnoses[i]) / "opening.png").read_bytes(),
+            changed=json.loads(read(changes[name] / DOCUMENT)) if name in changes else None,
+            changed_page=read(changes[name] / CHANGED) if name in changes else "",
             figures=tuple(p.stem for p in sorted(Path(snakemake.input.figures[i]).glob("*.png"))),
         )
         for i, (name, entry) in enumerate(snakemake.params.materials.items())

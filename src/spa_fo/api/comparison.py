@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,12 +10,21 @@ from typing import TYPE_CHECKING, Any
 from spa_fo.api.model import Model
 from spa_fo.api.show import card, text_table
 from spa_fo.compare import Comparison as Compared
+from spa_fo.compare import compare_pressure
+from spa_fo.errors import BadInput
+from spa_fo.gap.diagnose import check_effects
+from spa_fo.plant.effects.own import use_effects_of
+from spa_fo.rig import read_campaign, read_trials
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLUMNS = ("what changed", "probability")
 _MOST = 6
+
+
+def _silent(step: str) -> None:
+    """Keep to oneself what is being done."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +38,44 @@ class Comparison:
     """
 
     result: Compared
+
+    @classmethod
+    def of_pressure(
+        cls,
+        reference: Path | str,
+        campaign: Path | str,
+        *,
+        exclude: Sequence[str] = (),
+        seed: int = 1,
+        progress: Callable[[str], None] = _silent,
+    ) -> Comparison:
+        """Compare two campaign folders by command and measured pressure alone.
+
+        For logs without an angle; where there is one, it is not looked at. What changed can then be
+        the drive, or nothing that is seen.
+
+        Parameters
+        ----------
+        reference, campaign : path
+            The earlier and the later one.
+        exclude : sequence of str
+            Effects to take out of the library.
+        seed : int
+            Of the held-out trials.
+        progress : callable
+            Told each step in words.
+
+        Raises
+        ------
+        BadInput
+            A campaign is unusable, or an effect is unknown.
+        """
+        before, after = (
+            read_trials(read_campaign(each, angle=False)) for each in (reference, campaign)
+        )
+        use_effects_of(after.campaign.folder)
+        check_effects(exclude)
+        return cls(compare_pressure(before, after, excluded=exclude, seed=seed, progress=progress))
 
     @property
     def document(self) -> Mapping[str, Any]:
@@ -47,7 +94,17 @@ class Comparison:
 
     @property
     def model(self) -> Model:
-        """The reference's model with the change in it."""
+        """The reference's model with the change in it.
+
+        Raises
+        ------
+        BadInput
+            No angle was logged: there is none.
+        """
+        if self.result.model is None:
+            raise BadInput(
+                self.result.data.campaign.folder, "holds no angle; expected one to model"
+            )
         return Model(self.result.model)
 
     def save(self, folder: Path | str) -> tuple[Path, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented
 from spa_fo.rig import CampaignData, Trial
+from spa_fo.rig.trials import before_first_change
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -49,43 +50,72 @@ class Comparison:
         Both campaigns, as measured.
     change : Diagnosis
         Of the second campaign with what is missed in both taken off.
-    angle_law, pressure_law : FadingMemoryLaw
+    angle_law, pressure_law : FadingMemoryLaw or None
         What the model misses on the reference, deg, and what the pressure differs from the
-        command by, kPa; the latter None where either was not logged.
-    common_deg : tuple of arrays
-        By trial of the second campaign: what is missed in both.
-    model : Model
-        Of the reference with the change in it; the plain one where nothing is named.
+        command by, kPa; None where it was not logged.
+    common : tuple of arrays
+        By trial of the second campaign: what is missed in both, deg, or kPa where no angle was
+        logged.
+    model : Model or None
+        Of the reference with the change in it; the plain one where nothing is named. None where no
+        angle was logged: all that `change` says in degrees is in kPa then.
     """
 
     reference: CampaignData
     data: CampaignData
     change: Diagnosis
-    angle_law: FadingMemoryLaw
+    angle_law: FadingMemoryLaw | None
     pressure_law: FadingMemoryLaw | None
-    common_deg: tuple[Floats, ...]
-    model: Model
+    common: tuple[Floats, ...]
+    model: Model | None
 
     @property
     def kind(self) -> str:
         """nothing_changed, cause, ambiguous or unknown."""
         return NOTHING_CHANGED if self.change.kind == "no_gap" else self.change.kind
 
+    @property
+    def law(self) -> FadingMemoryLaw:
+        """Of the angle; of the pressure where no angle was logged."""
+        found = self.angle_law or self.pressure_law
+        assert found is not None
+        return found
+
+    @property
+    def compared(self) -> Literal["angle", "pressure"]:
+        """What was compared."""
+        return "angle" if self.angle_law is not None else "pressure"
+
+    @property
+    def common_rms(self) -> float:
+        """RMS of what is missed in both."""
+        return float(np.sqrt(np.mean(np.concatenate(self.common) ** 2)))
+
     def to_dict(self) -> dict[str, Any]:
-        """Return the document of comparison.json: that of a diagnosis, of what changed."""
+        """Return the document of comparison.json: that of a diagnosis, of what changed.
+
+        Where no angle was logged its keys end in ``_kpa`` in place of ``_deg``.
+        """
         document = self.change.to_dict()
-        verdict = {**document["verdict"], "kind": self.kind}
-        common = np.concatenate(self.common_deg)
-        return {
+        found = {
             **document,
             "schema": SCHEMA,
             "reference": self.reference.campaign.name,
-            "verdict": verdict,
-            "common": {
-                "rmse_deg": float(np.sqrt(np.mean(common**2))),
-                "learned_to_deg": self.angle_law.left_rms,
-            },
+            "compared": self.compared,
+            "verdict": {**document["verdict"], "kind": self.kind},
+            "common": {"rmse_deg": self.common_rms, "learned_to_deg": self.law.left_rms},
         }
+        return found if self.compared == "angle" else _in_kpa(found)
+
+
+def _in_kpa(part: Any) -> Any:
+    """Name what is in kPa so."""
+    if isinstance(part, dict):
+        return {
+            f"{key.removesuffix('_deg')}_kpa" if key.endswith("_deg") else key: _in_kpa(value)
+            for key, value in part.items()
+        }
+    return [_in_kpa(item) for item in part] if isinstance(part, list) else part
 
 
 @one_blas_thread
@@ -123,26 +153,28 @@ def compare(
     law = learn(missed)
     common = law.predict(there)
     predicted = [t.angle_deg - s.missed for t, s in zip(reference.trials, missed, strict=True)]
-    spectrum, scattered = _noise(law, missed, predicted, common)
-    rest = max(_bent_at_rest(trial, plain) for trial in data.trials)
+    spectrum, scattered = noise_of(law, missed, predicted, common)
+    rest = max(_bent_at_rest(trial, plain) for trial in data.trials) if _zeroed(data) else 0.0
+    zeroed = [t for each in (reference, data) if _zeroed(each) for t in each.trials]
+    moving = max(map(_moved_before, zeroed), default=0.0)
     beyond = Beyond(
         angle=spectrum,
-        scatter=replace(scattered, rest_deg=float(np.hypot(scattered.rest_deg, rest))),
-        angle_deg=float(np.hypot(law.left_rms, _uncertain(common))),
+        scatter=replace(scattered, rest_deg=_together(scattered.rest_deg, rest, moving)),
+        angle_deg=_together(law.left_rms, uncertain(common), moving),
     )
     trials = [
         replace(t, angle_deg=t.angle_deg - mean)
         for t, (mean, _) in zip(data.trials, common, strict=True)
     ]
     of_pressure = None
-    if plain.signal == "command" and all(map(_shows_drive, (*reference.trials, *data.trials))):
-        lost = [_lost(trial) for trial in reference.trials]
+    if plain.signal == "command" and all(map(shows_drive, (*reference.trials, *data.trials))):
+        lost = [lost_in_drive(trial) for trial in reference.trials]
         of_pressure = learn(lost)
-        usual = of_pressure.predict([_lost(trial) for trial in data.trials])
+        usual = of_pressure.predict([lost_in_drive(trial) for trial in data.trials])
         beyond = replace(
             beyond,
-            pressure=_noise(of_pressure, lost, [s.input for s in lost], usual)[0],
-            pressure_kpa=float(np.hypot(of_pressure.left_rms, _uncertain(usual))),
+            pressure=noise_of(of_pressure, lost, [s.input for s in lost], usual)[0],
+            pressure_kpa=float(np.hypot(of_pressure.left_rms, uncertain(usual))),
         )
         trials = [
             replace(t, pressure_kpa=_of(t.pressure_kpa) - mean)
@@ -171,6 +203,22 @@ def _bent_at_rest(trial: Trial, plain: Model) -> float:
     return share * float(np.max(np.abs(trial.angle_deg)))
 
 
+def _zeroed(data: CampaignData) -> bool:
+    """Say whether each log's zero is its own mean before the input changes, not the sensor's."""
+    return any(column.rest == "zero" for column in (data.campaign.log.columns or {}).values())
+
+
+def _moved_before(trial: Trial) -> float:
+    """Return how far the angle goes before the input changes: its mean there is no sure zero."""
+    before = trial.angle_deg[: before_first_change(trial)]
+    fifth = before.size // 5
+    return abs(float(before[-fifth:].mean() - before[:fifth].mean())) if fifth else 0.0
+
+
+def _together(*deviations: float) -> float:
+    return float(np.sqrt(np.sum(np.square(deviations))))
+
+
 def _of(signal: Floats | None) -> Floats:
     assert signal is not None
     return signal
@@ -197,22 +245,23 @@ def _missed(data: CampaignData, plain: Model) -> list[Signal]:
     ]
 
 
-def _shows_drive(trial: Trial) -> bool:
+def shows_drive(trial: Trial) -> bool:
+    """Say whether command and pressure of a trial were logged."""
     return trial.command_kpa is not None and trial.pressure_kpa is not None
 
 
-def _lost(trial: Trial) -> Signal:
+def lost_in_drive(trial: Trial) -> Signal:
     """Return what the pressure of a trial differs from its command by."""
     command = _of(trial.command_kpa)
     return Signal(trial.started_s, trial.t_s, command, _of(trial.pressure_kpa) - command)
 
 
-def _uncertain(found: Sequence[tuple[Floats, Floats]]) -> float:
+def uncertain(found: Sequence[tuple[Floats, Floats]]) -> float:
     """RMS of the law's own standard deviation where it was asked."""
     return float(np.sqrt(np.mean(np.concatenate([deviation for _, deviation in found]) ** 2)))
 
 
-def _noise(
+def noise_of(
     law: FadingMemoryLaw,
     signals: Sequence[Signal],
     shapes: Sequence[Floats],
@@ -229,7 +278,7 @@ def _noise(
     spectrum = estimate(differences, _WHITE)
     # Where nothing like it was seen, the law is as wrong as it may be, and slowly.
     total = max(float(spectrum.coloured.sum()), 1e-12)
-    more = 1.0 + _uncertain(found) ** 2 / total
+    more = 1.0 + uncertain(found) ** 2 / total
     wider = replace(spectrum, white=0.0, coloured=spectrum.coloured * more)
     return wider, scatter(differences, spectrum, TYPICAL)
 

@@ -19,6 +19,7 @@ from scipy.signal import lfilter
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 _MOST_SAMPLES = 600  # a Gaussian process costs the third power of them
 _LAGS = 5
@@ -40,12 +41,21 @@ class Signal:
     t_s, input : (n,) arrays
         Times from the trial's start, and what drives the actuator.
     missed : (n,) array
+    doubtful : (n,) bool array, optional
+        Samples that a law is neither learned from nor judged on.
     """
 
     started_s: float
     t_s: Floats
     input: Floats
     missed: Floats
+    doubtful: Bools | None = None
+
+    @property
+    def sound(self) -> Bools:
+        """Samples that a law is learned from, (n,)."""
+        every = np.ones(self.t_s.size, dtype=bool)
+        return every if self.doubtful is None else ~self.doubtful
 
 
 @dataclass(frozen=True)
@@ -68,6 +78,8 @@ class FadingMemoryLaw:
         Hyperparameters.
     left : tuple of arrays
         By trial: what was missed by the law learned without that trial, or without that piece.
+    sound : tuple of bool arrays
+        By trial: samples that it may be judged on.
     """
 
     lags_s: Floats
@@ -80,11 +92,13 @@ class FadingMemoryLaw:
     noise: float
     amplitude: float
     left: tuple[Floats, ...]
+    sound: tuple[Bools, ...]
 
     @property
     def left_rms(self) -> float:
         """RMS of what is missed on trials that took no part."""
-        return float(np.sqrt(np.mean(np.concatenate(self.left) ** 2)))
+        left = np.concatenate(self.left)[np.concatenate(self.sound)]
+        return float(np.sqrt(np.mean(left**2)))
 
     def predict(self, signals: Sequence[Signal]) -> list[tuple[Floats, Floats]]:
         """Predict what is missed in the trials of a campaign, and how well that is known.
@@ -150,7 +164,9 @@ def learn(signals: Sequence[Signal]) -> FadingMemoryLaw:
     x = (all_inputs - centre) / scale
     y = np.concatenate([s.missed for s in signals])
     group = np.concatenate([_groups(s, i, len(signals)) for i, s in enumerate(signals)])
+    sound = np.concatenate([s.sound for s in signals])
     chosen = telling(x)
+    chosen = chosen[sound[chosen]]
     span = np.gradient(chosen.astype(np.float64))  # samples that each stands for
     best: tuple[float, float, float] = (np.inf, 0.0, 0.0)
     for length, noise in product(_LENGTHS, _NOISES):
@@ -164,7 +180,7 @@ def learn(signals: Sequence[Signal]) -> FadingMemoryLaw:
         left[mine] = y[mine] - kernel(x[mine], x[others], length) @ weights
     at = x[chosen]
     factor, weights = _solved(at, y[chosen], length, noise)
-    amplitude = float(np.sqrt(np.mean(y**2)))
+    amplitude = float(np.sqrt(np.mean(y[sound] ** 2)))
     ends = np.cumsum([s.t_s.size for s in signals])[:-1]
     return FadingMemoryLaw(
         lags,
@@ -177,6 +193,7 @@ def learn(signals: Sequence[Signal]) -> FadingMemoryLaw:
         noise,
         amplitude,
         tuple(np.split(left, ends)),
+        tuple(s.sound for s in signals),
     )
 
 

@@ -25,6 +25,10 @@ Floats = NDArray[np.float64]
 _NOT_KNOWN = (
     "neither the pressure nor a calibration was logged: what is not explained may be anyone's"
 )
+_DRIVEN_BY_PRESSURE = (
+    "the measured pressure drives the model and no calibration was logged: what is not explained "
+    "may be the actuator's or the sensor's"
+)
 
 
 def p_value(verdict: Verdict) -> float:
@@ -47,7 +51,8 @@ def stages(
     if verdict.kind in ("cause", "ambiguous"):
         return stage_shares(verdict), None
     if not everything.has_pressure and everything.fixture is None and not verdict.sets:
-        return None, _NOT_KNOWN
+        by_command = everything.grid.command_kpa is not None
+        return None, _NOT_KNOWN if by_command else _DRIVEN_BY_PRESSURE
     drive, whole = 0.0, everything.grid.angle_deg - plain_deg
     if everything.has_pressure:
         # With the measured pressure for the command, what vanishes was the drive's.

@@ -35,6 +35,7 @@ Ids = tuple[str, ...]
 Kind = Literal["no_gap", "cause", "ambiguous", "unknown"]
 
 _SHARES = np.array(SHARES)
+_BOTH = float(np.sqrt(2.0))  # what is missed anyway and a change as large add up to this
 
 
 @dataclass(frozen=True)
@@ -279,17 +280,11 @@ def decide(
     if drive_floor_deg is None:
         drive_floor_deg = floor_deg
     else:
-        # What is missed anyway and a change as large add up to this.
-        least_deg = float(np.sqrt(2.0)) * drive_floor_deg
+        least_deg = _BOTH * drive_floor_deg
     angle, of_angle, unknown_angle = _normalised(
         _of_angle(found, floor_deg), found.bench.gap_deg, floor_deg
     )
-    gap_deg = 0.0 if drive is None else drive.gap_deg
-    parts = _of_drive(drive, evidence, drive_floor_deg)
-    if gap_deg < least_deg:
-        parts = [p for p in parts if not p.named]
-        parts = [_Part((), p.right, np.full(_SHARES.size, -np.inf), *_rest(p)) for p in parts]
-    pressed, of_drive, unknown_drive = _normalised(parts, gap_deg, drive_floor_deg)
+    pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, drive_floor_deg, least_deg)
     lined = _of_line(fast, found, floor_deg)
     certain = (1.0 - unknown_angle) * (1.0 - unknown_drive)
     joint: dict[Ids, float] = {}
@@ -311,6 +306,43 @@ def decide(
     unknown = 1.0 - certain
     share = unknown_drive / max(unknown_drive + unknown_angle, 1e-12)
     return judge(scored, unknown, share)
+
+
+def decide_drive(
+    drive: Drive, evidence: Evidence, floor_kpa: float
+) -> tuple[dict[Ids, float], dict[Ids, DriveFit], float]:
+    """Weigh what the measured pressure says where no angle was logged.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its `gap_deg` is in kPa.
+    evidence : Evidence
+        The campaign.
+    floor_kpa : float
+        What is to be expected of the pressure.
+
+    Returns
+    -------
+    tuple
+        Probabilities of what is named, nothing among it; the best fit of each; the probability
+        that the cause is unknown.
+    """
+    pressed, parts, unknown = _weighed_drive(drive, evidence, floor_kpa, _BOTH * floor_kpa)
+    fits = {name: part.fit for name, part in parts.items() if isinstance(part.fit, DriveFit)}
+    return pressed, fits, unknown
+
+
+def _weighed_drive(
+    drive: Drive | None, evidence: Evidence, floor_deg: float, least_deg: float
+) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
+    """Weigh the explanations of the pressure; a gap below `least_deg` is none."""
+    gap_deg = 0.0 if drive is None else drive.gap_deg
+    parts = _of_drive(drive, evidence, floor_deg)
+    if gap_deg < least_deg:
+        parts = [p for p in parts if not p.named]
+        parts = [_Part((), p.right, np.full(_SHARES.size, -np.inf), *_rest(p)) for p in parts]
+    return _normalised(parts, gap_deg, floor_deg)
 
 
 def _rest(part: _Part) -> tuple[Fitted | DriveFit, Mapping[str, float], float]:
@@ -357,24 +389,37 @@ def judge(scored: Sequence[Scored], unknown: float, unknown_drive: float) -> Ver
     unknown_drive : float
         Share of it that is the drive's.
     """
-    s = SETTINGS
-    named = [one for one in scored if one.named]
+    kind, standing = chosen([(one.named, one.probability) for one in scored], unknown)
     none = sum(one.probability for one in scored if not one.named)
-    total = sum(one.probability for one in named)
-    everything = tuple(scored)
+    return Verdict(kind, standing, tuple(scored), unknown, none, unknown_drive)
+
+
+def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, tuple[Ids, ...]]:
+    """Say what sort of answer probabilities make, and which explanations stand.
+
+    Parameters
+    ----------
+    scored : sequence of pairs
+        Each explanation with its probability, most probable first; nothing is ``()``.
+    unknown : float
+        Probability that none of them is the cause.
+    """
+    s = SETTINGS
+    named = [(ids, probability) for ids, probability in scored if ids]
+    none = sum(probability for ids, probability in scored if not ids)
+    total = sum(probability for _, probability in named)
     if none >= total + unknown:
-        return Verdict("no_gap", (), everything, unknown, none, unknown_drive)
+        return "no_gap", ()
     standing: list[Ids] = []
     held = 0.0
-    for one in named:
-        if standing and (held >= s.covered * total or one.probability < s.least * total):
+    for ids, probability in named:
+        if standing and (held >= s.covered * total or probability < s.least * total):
             break
-        standing.append(one.named)
-        held += one.probability
-    kind: Kind = "cause" if len(standing) == 1 else "ambiguous"
+        standing.append(ids)
+        held += probability
     if unknown > total:
-        kind, standing = "unknown", standing[:1]
-    return Verdict(kind, tuple(standing), everything, unknown, none, unknown_drive)
+        return "unknown", tuple(standing[:1])
+    return "cause" if len(standing) == 1 else "ambiguous", tuple(standing)
 
 
 def stage_shares(verdict: Verdict) -> dict[str, float]:

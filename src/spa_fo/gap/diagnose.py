@@ -104,6 +104,17 @@ def check_request(plain: Model, exclude: Sequence[str], source: Path | str = "mo
         raise BadInput(source, "holds effects; expected a plain model", "effects")
     if not plain.transfer_function.b0 > 0.0:
         raise BadInput(source, "expected a positive number", "transfer_function.b0")
+    check_effects(exclude)
+
+
+def check_effects(exclude: Sequence[str]) -> None:
+    """Refuse effects to exclude that the library does not hold.
+
+    Raises
+    ------
+    BadInput
+        There is no such effect.
+    """
     for name in exclude:
         if name not in LIBRARY:
             raise BadInput("--exclude-effect", f"is '{name}'{suggestion(name, LIBRARY)}")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
+from spa_fo.gap.drive import DriveFit
 from spa_fo.gap.explanation import Explanation
 from spa_fo.plant.effects.library import LIBRARY, at_port
 
@@ -62,6 +63,24 @@ def with_intervals(
         }
         for name, own in explanation.parameters(given, orders).items()
     }
+
+
+def drive_intervals(fit: DriveFit) -> Mapping[str, Mapping[str, Mapping[str, Any]]]:
+    """List the parameters of a fit of the pressure in the same way."""
+    absolute: Errors = {}
+    relative: Errors = {}
+    _of_slots(fit.ids, fit.sigma, absolute, relative)
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for name in fit.ids:
+        values = fit.effects[LIBRARY[name].slots].tolist()
+        found[name] = {
+            p.name: {
+                "value": (inside := float(np.clip(value, p.low, p.high))),
+                "ci95": _interval(inside, (name, p.name), absolute, relative),
+            }
+            for p, value in zip(LIBRARY[name].parameters, values, strict=True)
+        }
+    return found
 
 
 def _interval(

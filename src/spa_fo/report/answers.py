@@ -28,13 +28,18 @@ def answers(materials: Sequence[PublishedMaterial]) -> dict[str, list[str]]:
     Returns
     -------
     dict of str to list of str
-        Sentences by question: ``measured``, ``fit``, ``paper`` and ``gap``.
+        Sentences by question: ``measured``, ``fit``, ``paper``, ``gap`` and ``changed``.
     """
     return {
         "measured": [_of(material, _measured(material)) for material in materials],
         "fit": [_of(material, _fit(material)) for material in materials],
         "paper": list(_paper(audit_lines(materials))),
         "gap": [_of(material, " ".join(headline(material.diagnosis))) for material in materials],
+        "changed": [
+            _of(material, " ".join(material.changed["answer"]))
+            for material in materials
+            if material.changed is not None
+        ],
     }
 
 

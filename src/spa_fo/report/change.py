@@ -8,7 +8,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from spa_fo.atomic import filling, write_text
@@ -42,6 +41,7 @@ from spa_fo.rig import CampaignData, Trial
 
 PAGE, DOCUMENT, MODEL = "comparison.md", "comparison.json", "augmented_model.json"
 _MOST_PANELS = 3
+_BOTH = {"angle": "What the model misses in both", "pressure": "What the drive does in both"}
 _FAINT: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35}
 _CAPTIONS = {
     "measured": "Both campaigns as measured, drawn over each other: angle above, pressure below; "
@@ -50,9 +50,19 @@ _CAPTIONS = {
     "taken off. The band is as wide as that is known to; what leaves it has changed.",
 }
 
+_OF_PRESSURE = {
+    "measured": "Both campaigns as measured, drawn over each other: pressure above, command below; "
+    "faint lines are further trials.",
+    "change": "What is left of the pressure when command and what the drive does to it on the "
+    "reference, too, are taken off. The band is as wide as that is known to; what leaves it has "
+    "changed.",
+}
+
 
 def write_comparison(comparison: Comparison, folder: Path | str) -> tuple[Path, ...]:
     """Write comparison.json, comparison.md, augmented_model.json and the figures, all or none.
+
+    Where no angle was logged, there is no model.
 
     Parameters
     ----------
@@ -81,9 +91,11 @@ def write_comparison(comparison: Comparison, folder: Path | str) -> tuple[Path, 
         )
         names = [path.name for path in figures]
         write_text(temporary / PAGE, document(comparison))
-        text = json.dumps(comparison.to_dict(), indent=2, allow_nan=False)
+        said = {**comparison.to_dict(), "answer": list(answer(comparison))}
+        text = json.dumps(said, indent=2, allow_nan=False)
         write_text(temporary / DOCUMENT, text + "\n")
-        write_model(temporary / MODEL, comparison.model)
+        if comparison.model is not None:
+            write_model(temporary / MODEL, comparison.model)
     return (*(folder / name for name in names), folder / PAGE)
 
 
@@ -98,15 +110,17 @@ def provenance_of(comparison: Comparison) -> str:
 def answer(comparison: Comparison) -> tuple[str, str]:
     """Say what changed, and what that rests on, a sentence each."""
     found, document = comparison.change, comparison.to_dict()
-    gap = found.gap
+    gap, unit = found.gap, unit_of(comparison)
     names = comparison.data.campaign.name, comparison.reference.campaign.name
     sizes = (
-        f"{names[0]} differs from what {names[1]} lets expect by {gap.rmse_deg:.2f}° (RMS); "
-        f"without any change that would be about {gap.noise_floor_deg:.2f}°."
+        f"{names[0]} differs from what {names[1]} lets expect by {gap.rmse_deg:.2f}{unit} (RMS); "
+        f"without any change that would be about {gap.noise_floor_deg:.2f}{unit}."
     )
     sets = [f"{phrase(ids)} ({percent(probability(document, ids))})" for ids in found.sets]
     if comparison.kind == NOTHING_CHANGED:
         none = percent(probability(document, ["none"]))
+        if comparison.compared == "pressure":
+            return f"Nothing changed in the drive ({none}); no angle was logged.", sizes
         return f"Nothing changed ({none}).", sizes
     if comparison.kind == "cause":
         means = "; ".join(LIBRARY[each].means for each in found.sets[0])
@@ -126,12 +140,15 @@ def document(comparison: Comparison) -> str:
     stages = [*where_part(found)] if changed else []
     sections: tuple[tuple[str, Sequence[str]], ...] = (
         ("", [*_head(comparison)]),
-        ("In short", [*answer(comparison), *_figure("measured")]),
-        ("What changed", [*_figure("change"), cause_table(found), _held_out(comparison)]),
+        ("In short", [*answer(comparison), *_figure(comparison, "measured")]),
+        (
+            "What changed",
+            [*_figure(comparison, "change"), _causes(comparison), _held_out(comparison)],
+        ),
         ("Where", stages),
         ("The parameters of the change", [*parameter_tables(found)]),
         ("How far it explains the change", [*shrink_part(found)] if found.shrink else []),
-        ("What the model misses in both", [_common(comparison)]),
+        (_BOTH[comparison.compared], [_common(comparison)]),
         ("What to do next", bullets([step_line(step) for step in found.next_steps])),
         ("Findings", bullets(found.findings)),
     )
@@ -148,6 +165,16 @@ def _head(comparison: Comparison) -> Iterator[str]:
     yield f"{provenance_of(comparison)}. Seed {comparison.change.seed}."
 
 
+def unit_of(comparison: Comparison) -> str:
+    """Return the unit of what was compared, as it stands behind a number."""
+    return "°" if comparison.compared == "angle" else " kPa"
+
+
+def _causes(comparison: Comparison) -> str:
+    table = cause_table(comparison.change)
+    return table.replace("RMSE (°)", f"RMSE ({unit_of(comparison).strip()})")
+
+
 def _held_out(comparison: Comparison) -> str:
     return (
         f"`{phrase(('none',))}` is that nothing changed. Held out: {comparison.change.held_out_on}."
@@ -155,17 +182,21 @@ def _held_out(comparison: Comparison) -> str:
 
 
 def _common(comparison: Comparison) -> str:
-    common = float(np.sqrt(np.mean(np.concatenate(comparison.common_deg) ** 2)))
+    unit, common = unit_of(comparison), comparison.common_rms
+    missed = "the plain model misses of the campaign it misses"
+    if comparison.compared == "pressure":
+        missed = "the pressure of the campaign differs from its command by it differs by"
     return (
-        f"{common:.2f}° (RMS) of what the plain model misses of the campaign it misses on the "
-        "reference in the same way: that is no change. It was learned there as a smooth function "
-        "of where the input has been, and predicts trials of the reference that it did not learn "
-        f"from to {comparison.angle_law.left_rms:.2f}°."
+        f"{common:.2f}{unit} (RMS) of what {missed} on the reference in the same way: that is no "
+        "change. It was learned there as a smooth function of where the input has been, and "
+        "predicts trials of the reference that it did not learn from to "
+        f"{comparison.law.left_rms:.2f}{unit}."
     )
 
 
-def _figure(name: str) -> list[str]:
-    return [f"![{_CAPTIONS[name]}]({name}.png)", f"*{_CAPTIONS[name]}*"]
+def _figure(comparison: Comparison, name: str) -> list[str]:
+    caption = (_CAPTIONS if comparison.compared == "angle" else _OF_PRESSURE)[name]
+    return [f"![{caption}]({name}.png)", f"*{caption}*"]
 
 
 @styled
@@ -173,7 +204,10 @@ def measured_figure(comparison: Comparison) -> Figure:
     """Draw the measured signals of both campaigns over each other."""
     names = [e.name for e in experiments(comparison.change.traces, _MOST_PANELS)]
     campaigns = (comparison.reference, comparison.data)
+    bent = comparison.compared == "angle"
     pressed = all(trial.pressure_kpa is not None for data in campaigns for trial in data.trials)
+    pressed = pressed and bent
+    outputs = "angle (°)" if bent else "pressure (kPa)"
     rows = [[f"angle of {name}" for name in names], [f"input of {name}" for name in names]]
     figure = new_figure(TWO_COLUMNS_IN, 4.0, rows)
     panels = {axes.get_label(): axes for axes in figure.axes}
@@ -186,13 +220,15 @@ def measured_figure(comparison: Comparison) -> Figure:
                 look: dict[str, Any] = {"color": colour, "linestyle": "-"}
                 look |= {"linewidth": 1.1, "alpha": 1.0} if last else _FAINT
                 label = data.campaign.name if last else None
-                above.plot(trial.t_s, trial.angle_deg, label=label, **look)
+                shown = trial.angle_deg if bent else trial.pressure_kpa
+                assert shown is not None
+                above.plot(trial.t_s, shown, label=label, **look)
                 driving = trial.pressure_kpa if pressed else trial.command_kpa
                 if driving is not None:
                     below.plot(trial.t_s, driving, **look)
         above.set_title(name.replace("_", " "), loc="left")
         below.set_xlabel("time (s)")
-    panels[rows[0][0]].set_ylabel("angle (°)")
+    panels[rows[0][0]].set_ylabel(outputs)
     panels[rows[1][0]].set_ylabel("pressure (kPa)" if pressed else "command (kPa)")
     handles = panels[rows[0][0]].get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
@@ -239,7 +275,9 @@ def change_figure(comparison: Comparison) -> Figure:
                 )
         axes.set_title(f"{e.title}, {e.place}", loc="left")
         axes.set_xlabel("time (s)")
-    figure.axes[0].set_ylabel("change of the angle (°)")
+    figure.axes[0].set_ylabel(
+        f"change of the {comparison.compared} ({unit_of(comparison).strip()})"
+    )
     handles = figure.axes[0].get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure

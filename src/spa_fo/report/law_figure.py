@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import fill
+
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -22,6 +24,7 @@ from spa_fo.report.style import (
 )
 
 _MOST = 3  # laws that are drawn
+_TITLE_WIDTH = 26  # characters that a panel has room for
 _LOOKS = ((ORANGE, "--"), (BLUE, ":"), (BLACK, "-."))
 
 
@@ -61,7 +64,8 @@ def _draw(axes: Axes, law: LawFound) -> None:
             axes.plot(law.over, like.values, color=colour, linestyle=line, label=label)
     axes.set_xlabel(_unit(place.over, place.over_unit))
     axes.set_ylabel(_unit(place.gives, place.unit))
-    axes.set_title(f"{place.words}\n{percent(law.probability)} probable", loc="left")
+    words = fill(place.words, _TITLE_WIDTH)
+    axes.set_title(f"{words}\n{percent(law.probability)} probable", loc="left")
     axes.legend(loc="best", fontsize=6)
 
 

@@ -38,6 +38,9 @@ def _material_pages(material: PublishedMaterial) -> Iterator[tuple[str, str]]:
     yield "fit", html_page(f"The model of {material.name}", fit)
     verdict = f"{material.diagnosis_page.strip()}\n\n_{material.provenance}_"
     yield "verdict", html_page(f"Diagnosis of {material.name}", verdict)
+    if material.changed is not None:
+        page = f"{material.changed_page.strip()}\n\n_{material.provenance}_"
+        yield "changed", html_page(f"What changed in {material.name}", page)
 
 
 def _table_page(name: str, table: Table) -> str:

@@ -39,6 +39,10 @@ class PublishedMaterial:
         Names of the figures there are, without suffix.
     opening_png : bytes
         The picture that the diagnosis opens with.
+    changed : Mapping or None
+        As read from comparison.json; None where config.yaml names no reference.
+    changed_page : str
+        The comparison as Markdown.
     alone : bool
         Whether it is the only one of its material (see `told_apart`).
     """
@@ -56,6 +60,8 @@ class PublishedMaterial:
     diagnosis_page: str
     figures: tuple[str, ...]
     opening_png: bytes = b""
+    changed: Mapping[str, Any] | None = None
+    changed_page: str = ""
     alone: bool = True
 
     @property

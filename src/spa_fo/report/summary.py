@@ -35,6 +35,11 @@ _CAPTIONS = {
 }
 
 
+_CHANGE = (
+    "What is left of the campaign when what the model misses on the reference, too, is taken off; "
+    "what leaves the band has changed."
+)
+_CHANGED_PAGE = "changed/comparison.md"
 _PAGES = ("diagnosis/diagnosis.html", "diagnosis/diagnosis.md")
 
 
@@ -144,6 +149,7 @@ def _material_part(material: PublishedMaterial) -> Iterator[str]:
     yield f"## {material.label}"
     yield f"```\n{material.fit_report.strip()}\n```"
     yield from _diagnosis_part(material)
+    yield from _changed_part(material)
     if material.verdict is not None:
         yield "### How many datasets"
         yield "\n".join(f"- {line}" for line in verdict_lines(material.verdict))
@@ -164,6 +170,17 @@ def _diagnosis_part(material: PublishedMaterial) -> Iterator[str]:
         yield f"Next: {following}"
     links = [f"[{page}]({material.name}/{page})" for page in _PAGES]
     yield f"The pages of this diagnosis: {' to zoom into, and as text '.join(links)}."
+
+
+def _changed_part(material: PublishedMaterial) -> Iterator[str]:
+    if material.changed is None:
+        return
+    yield f"### What changed since `{material.changed['reference']}`"
+    answer, sizes = material.changed["answer"]
+    yield f"**{answer}** {sizes}"
+    yield f"![{_CHANGE}]({material.name}/changed/change.png)"
+    yield f"*{_CHANGE}*"
+    yield f"The page of this comparison: [{_CHANGED_PAGE}]({material.name}/{_CHANGED_PAGE})."
 
 
 def _files_part(tables_folder: Path, root: Path) -> Iterator[str]:

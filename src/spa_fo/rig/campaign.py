@@ -14,7 +14,7 @@ import numpy.typing as npt
 from spa_fo.errors import BadInput
 from spa_fo.places import campaign_folder
 from spa_fo.rig import checksums
-from spa_fo.rig.log_format import LogFormat, log_format
+from spa_fo.rig.log_format import ANGLES, LogFormat, log_format
 from spa_fo.validation import load_yaml, package_schema, validate
 
 Floats = npt.NDArray[np.float64]
@@ -97,6 +97,11 @@ class Campaign:
     warnings: tuple[str, ...] = ()
 
     @property
+    def has_angle(self) -> bool:
+        """Whether its logs say how far the actuator bends."""
+        return self.log.columns is None or bool(ANGLES & self.log.columns.keys())
+
+    @property
     def yaml(self) -> Path:
         """The file all this was read from."""
         return self.folder / "campaign.yaml"
@@ -108,13 +113,15 @@ class Campaign:
                 yield experiment, trial.number, trial
 
 
-def read_campaign(folder: Path | str) -> Campaign:
+def read_campaign(folder: Path | str, angle: bool = True) -> Campaign:
     """Read and check a campaign folder; the logs themselves are read by `read_trials`.
 
     Parameters
     ----------
     folder : Path or str
         Holds campaign.yaml, SHA256SUMS and the logs they name.
+    angle : bool
+        Whether its logs have to hold an angle.
 
     Returns
     -------
@@ -133,7 +140,7 @@ def read_campaign(folder: Path | str) -> Campaign:
     path = campaign_folder(folder)
     document = load_yaml(path)
     validate(document, package_schema("spa_fo.rig", "campaign.schema.yaml"), path)
-    campaign = build_campaign(document, folder)
+    campaign = build_campaign(document, folder, angle)
     _check_sense(campaign)
     return _without_empty(replace(campaign, warnings=_check_files(campaign)))
 
@@ -167,7 +174,7 @@ def _is_empty(path: Path) -> bool:
     return path.stat().st_size == 0
 
 
-def build_campaign(document: Mapping[str, Any], folder: Path) -> Campaign:
+def build_campaign(document: Mapping[str, Any], folder: Path, angle: bool = True) -> Campaign:
     """Build a campaign from a valid campaign.yaml; nothing is checked against the files."""
     calibration = [
         CalibrationFile(_plain(item["file"]), folder / item["file"], float(item["started_s"]))
@@ -196,7 +203,7 @@ def build_campaign(document: Mapping[str, Any], folder: Path) -> Campaign:
         name=document["name"],
         material=document["material"],
         provenance=Provenance(**document["provenance"]),
-        log=log_format(document["log"], folder / "campaign.yaml"),
+        log=log_format(document["log"], folder / "campaign.yaml", angle),
         reference_kpa=float(document["input"]["reference_kpa"]),
         experiments=experiments,
         calibration=tuple(sorted(calibration, key=lambda item: item.started_s)),
@@ -265,7 +272,12 @@ def _check_sense(campaign: Campaign) -> None:
     if campaign.log.format == "spa-rig" and campaign.pressure_sensor is None:
         raise BadInput(path, "is missing; spa-rig logs hold ADC counts", "pressure_sensor")
     columns = campaign.log.columns
-    if columns is not None and "angle" not in columns and not campaign.calibration:
+    if (
+        columns is not None
+        and "flex_adc" in columns
+        and "angle" not in columns
+        and (not campaign.calibration)
+    ):
         raise BadInput(path, "is missing; the logs hold flex_adc, not an angle", "calibration")
 
 

@@ -11,6 +11,8 @@ from typing import Any, Literal
 from spa_fo.errors import BadInput
 from spa_fo.rig.timestamps import is_format
 
+ANGLES = frozenset({"angle", "flex_adc"})
+"""Columns that say how far the actuator bends."""
 DATETIME = "datetime"
 """Unit of a time that is written as a date and time, or as a time of day."""
 
@@ -48,8 +50,10 @@ class LogFormat:
     header_row: int | None = None
 
 
-def log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
+def log_format(entry: Mapping[str, Any], path: Path, angle: bool = True) -> LogFormat:
     """Return what the ``log:`` section `entry`, which holds to the schema, says.
+
+    `angle` says whether one has to be logged.
 
     Raises
     ------
@@ -68,7 +72,7 @@ def log_format(entry: Mapping[str, Any], path: Path) -> LogFormat:
         role: _column(item, header, path, f"log.columns.{role}")
         for role, item in entry["columns"].items()
     }
-    if "angle" not in columns and "flex_adc" not in columns:
+    if angle and not ANGLES & columns.keys():
         raise BadInput(path, "expected a column 'angle' or 'flex_adc'", "log.columns")
     return LogFormat(
         "csv",

@@ -40,6 +40,8 @@ def implausible(campaign: Campaign, trials: Sequence[Trial]) -> list[str]:
         The reference pressure is a million times off the commands, or a trial lasts no time.
     """
     _refuse_durations(campaign, trials)
+    if not campaign.has_angle:
+        return list(_reference_off(campaign, trials))
     return [
         *_reference_off(campaign, trials),
         *_motionless(trials),

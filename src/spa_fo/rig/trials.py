@@ -106,7 +106,7 @@ def read_trials(campaign: Campaign) -> CampaignData:
     Returns
     -------
     CampaignData
-        Trials, calibrations and the `ParseReport`.
+        Trials, calibrations and the `ParseReport`. Where no angle was logged, it is 0.
 
     Raises
     ------
@@ -227,10 +227,10 @@ def _csv_samples(campaign: Campaign, file: TrialFile) -> _Samples:
         table.columns.get("command"),
         table.columns.get("pressure"),
         table.columns.get("flex_adc"),
-        table.columns.get("angle"),
+        table.columns.get("angle") if campaign.has_angle else np.zeros(table.t_s.shape),
         np.zeros(table.t_s.shape, dtype=np.bool_),
         table.line,
-        columns[output].rest,
+        columns[output].rest if output in columns else "keep",
         table.report,
     )
 

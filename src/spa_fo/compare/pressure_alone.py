@@ -1,0 +1,255 @@
+"""What changed between two campaigns whose logs hold no angle: the drive, or nothing.
+
+As with an angle, what the drive always does to a command is learned on the reference and taken off
+the measured pressure. What is left is given to the effects of the drive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.compare.compare import Comparison, lost_in_drive, noise_of, shows_drive, uncertain
+from spa_fo.compare.fading_memory import Signal, learn
+from spa_fo.errors import BadInput
+from spa_fo.gap.decide import chosen, decide_drive
+from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Step, Traces, Where
+from spa_fo.gap.drive import Drive, DriveFit, examine_drive
+from spa_fo.gap.evidence import Evidence, collect
+from spa_fo.gap.findings import drive_finding
+from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse
+from spa_fo.gap.intervals import drive_intervals
+from spa_fo.gap.locate import shares
+from spa_fo.gap.pressure import resolution
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant import Model, TransferFunction
+from spa_fo.plant.effects.effect import STAGES
+from spa_fo.plant.effects.library import COMMONEST, LIBRARY
+from spa_fo.rig import CampaignData, Trial
+
+Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
+Progress = Callable[[str], None]
+
+_JUMP = 0.02  # of the commands' range, from one sample to the next
+_ABOUT = 5  # samples about it
+_CLEARLY = 3.0  # times what is expected: something has changed, and may have a name
+_QUICK = (1.9, 0.9, 20.0, 100.0)  # of what stands for an actuator: it follows in 0.2 s
+_NO_ANGLE = "no angle was logged: actuator and sensor are not seen"
+_LOG_IT = Step("log the angle as well", "the actuator and the sensor may have changed unseen")
+
+
+def compare_pressure(
+    reference: CampaignData,
+    data: CampaignData,
+    *,
+    excluded: Sequence[str] = (),
+    seed: int = 1,
+    progress: Progress = lambda step: None,
+) -> Comparison:
+    """Say what changed in the drive, by command and measured pressure alone.
+
+    Parameters
+    ----------
+    reference, data : CampaignData
+        How it was, and how it is.
+    excluded : sequence of str
+        Effects that the library is to lack.
+    seed : int
+        Of the trials that are held out.
+    progress : callable
+        Told of each step in words.
+
+    Returns
+    -------
+    Comparison
+        What it says in degrees is in kPa.
+
+    Raises
+    ------
+    BadInput
+        A log lacks the command or the pressure.
+    """
+    for each in (reference, data):
+        for trial in each.trials:
+            if not shows_drive(trial):
+                raise BadInput(
+                    each.campaign.folder,
+                    "holds no angle; expected a command and a pressure column, to compare the "
+                    "drive by",
+                    trial.label,
+                )
+    progress(f"learning what the drive does in {len(reference.trials)} trials of the reference")
+    lost, there = ([_lost(trial) for trial in each.trials] for each in (reference, data))
+    law = learn(lost)
+    usual = law.predict(there)
+    spectrum, _ = noise_of(law, lost, [signal.input for signal in lost], usual)
+    common = tuple(mean for mean, _ in usual)
+    changed = [_without(trial, mean) for trial, mean in zip(data.trials, common, strict=True)]
+    evidence = _pressure_for_angle(collect(replace(data, trials=tuple(changed))))
+    held = hold_out(evidence, np.random.default_rng(seed))
+    read = max(resolution(evidence) / np.sqrt(12.0), evidence.pressure_noise_kpa)
+    expected = float(np.sqrt(law.left_rms**2 + uncertain(usual) ** 2 + read**2))
+    fitted = replace(evidence, takes_part=~held.trials)
+    progress(f"explaining {fitted.takes_part.sum()} trials")
+    x = _stand_in(data)
+    drive = examine_drive(fitted, excluded, x.transfer_function.as_array(), spectrum)
+    drive = replace(drive, gap_deg=drive.gap_kpa)
+    change = _said(evidence, held, drive, x, tuple(excluded), expected, seed)
+    return Comparison(reference, data, change, None, law, common, None)
+
+
+def _lost(trial: Trial) -> Signal:
+    """Return what pressure differs from command by; about a jump that says when, not how much."""
+    signal = lost_in_drive(trial)
+    step = np.abs(np.diff(signal.input, prepend=signal.input[0]))
+    jumps = step > _JUMP * np.ptp(signal.input)
+    return replace(signal, doubtful=np.convolve(jumps, np.ones(_ABOUT), mode="same") > 0.0)
+
+
+def _without(trial: Trial, usual: Floats) -> Trial:
+    assert trial.pressure_kpa is not None
+    return replace(trial, pressure_kpa=trial.pressure_kpa - usual)
+
+
+def _pressure_for_angle(evidence: Evidence) -> Evidence:
+    """Let the measured pressure stand where figures and errors look for the angle."""
+    assert evidence.grid.measured_kpa is not None
+    grid = replace(evidence.grid, angle_deg=evidence.grid.measured_kpa)
+    noise = evidence.pressure_noise_kpa
+    return replace(evidence, grid=grid, noise_deg=noise, variance=noise**2 / grid.counts)
+
+
+def _stand_in(data: CampaignData) -> Model:
+    """Let something quick that turns a kPa into a degree stand for the actuator."""
+    campaign = data.campaign
+    gain = _QUICK[-1] * float(np.radians(campaign.reference_kpa))
+    curve = TransferFunction.from_array(np.array([*_QUICK, gain]))
+    return Model(campaign.name, campaign.material, curve, campaign.reference_kpa)
+
+
+def _said(
+    evidence: Evidence,
+    held: HeldOut,
+    drive: Drive,
+    model: Model,
+    excluded: Ids,
+    expected_kpa: float,
+    seed: int,
+) -> Diagnosis:
+    grid, campaign = evidence.grid, evidence.data.campaign
+    assert grid.command_kpa is not None
+    command = grid.step_means(grid.command_kpa)[grid.sample_step]
+    weighed, fits, unknown = decide_drive(drive, evidence, expected_kpa)
+    where = judged(evidence, held)
+    errors = {ids: _error(evidence, fit, where) for ids, fit in fits.items() if ids}
+    errors[()] = _error(evidence, drive.fits[()], where)
+    weighed, unknown = _held_to(weighed, unknown, errors, expected_kpa)
+    ranked = sorted(weighed.items(), key=lambda item: -item[1])
+    kind, sets = chosen(ranked, unknown)
+    sets = tuple(ids for ids in sets if weighed[ids] > 0.0)
+    first = fits[sets[0]] if sets else None
+    everywhere = np.ones(command.size, dtype=bool)
+    located = shares(evidence, grid.angle_deg - command, command)
+    left = sorted(set(LIBRARY) - {n for ids in weighed for n in ids} - set(excluded))
+    none = weighed.get((), 0.0)
+    return Diagnosis(
+        campaign=campaign.name,
+        material=campaign.material,
+        provenance=campaign.provenance.kind,
+        seed=seed,
+        excluded=excluded,
+        gap=Gap(
+            rmse_deg=rmse(evidence, command, everywhere),
+            noise_floor_deg=expected_kpa,
+            significant=kind != "no_gap",
+            p_value=_p_value(none),
+            repeats=True,
+        ),
+        where=Where(
+            stage={stage: float(stage == "drive" and kind != "no_gap") for stage in STAGES},
+            phase=located["phase"],
+            amplitude={},
+            direction={},
+            trial=located["trial"],
+            frequency=located["frequency"],
+        ),
+        causes=(
+            *(
+                Cause(
+                    ids or ("none",),
+                    probability,
+                    drive_intervals(fits[ids]) if ids else {},
+                    {},
+                    held_out_rmse_deg=errors.get(ids),
+                )
+                for ids, probability in ranked
+            ),
+            *(Cause(("none",), 0.0, {}, {}) for _ in range(() not in weighed)),
+            *(Cause((name,), 0.0, {}, {}) for name in left if LIBRARY[name].stage == "drive"),
+            Cause(("unknown",), unknown, {}, {}),
+        ),
+        kind=kind,
+        sets=sets,
+        next_experiment=_LOG_IT.text if kind in ("ambiguous", "unknown") else None,
+        held_out_on=held.text,
+        shrink=None,
+        offers=(),
+        misses=(_NO_ANGLE,),
+        findings=(f"{_NO_ANGLE.capitalize()}.", *drive_finding(drive, evidence, held)),
+        baselines={"commonest": [COMMONEST]},
+        traces=_traces(evidence, held, command, first),
+        model=model,
+        next_steps=() if kind == "no_gap" else (_LOG_IT,),
+    )
+
+
+def _error(evidence: Evidence, fit: DriveFit, where: NDArray[np.bool_]) -> float:
+    return rmse(evidence, evidence.grid.angle_deg - fit.residual_kpa, where)
+
+
+def _held_to(
+    weighed: dict[Ids, float], unknown: float, errors: dict[Ids, float], expected_kpa: float
+) -> tuple[dict[Ids, float], float]:
+    """Hold probabilities against the held-out trials and what is missed of the reference."""
+    found = dict(weighed)
+    clearly = errors[()] > _CLEARLY * expected_kpa
+    for ids, error in errors.items():
+        closed = 1.0 - (error / max(errors[()], 1e-12)) ** 2
+        if ids and not (clearly and closed >= SETTINGS.worth):
+            unknown += found[ids]
+            found[ids] = 0.0
+    total = sum(found.values()) + unknown
+    if clearly and found.get((), 0.0) >= 0.5 * total:
+        unknown += found[()]
+        found[()] = 0.0
+    return {ids: p / total for ids, p in found.items()}, unknown / total
+
+
+def _p_value(none: float) -> float:
+    odds = (1.0 - SETTINGS.none) / SETTINGS.none
+    return float(min(1.0, none / max(1.0 - none, 1e-300) * odds))
+
+
+def _traces(evidence: Evidence, held: HeldOut, command: Floats, fit: DriveFit | None) -> Traces:
+    grid, empty = evidence.grid, np.zeros(0)
+    return Traces(
+        experiment=tuple(trial.experiment for trial in grid.trials),
+        label=tuple(trial.label for trial in grid.trials),
+        trial=grid.sample_trial,
+        time_s=grid.time_s,
+        command_kpa=command,
+        measured_deg=grid.angle_deg,
+        plain_deg=command,
+        explained_deg=command if fit is None else grid.angle_deg - fit.residual_kpa,
+        refit_deg=command,
+        pressure_kpa=grid.measured_kpa,
+        drive_kpa=None if fit is None else fit.predicted_kpa,
+        held_out=held.trials,
+        fixture_angle_deg=empty,
+        fixture_deg=empty,
+        fixture_explained_deg=empty,
+    )
