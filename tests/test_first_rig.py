@@ -22,7 +22,7 @@ from blind.first_rig.sizing import at_rate, exact_angles, noise_floor_deg, rms, 
 from blind.first_rig.station import held
 from blind_documents import document, read
 from spa_fo.errors import BadInput
-from spa_fo.plant.effects.library import IDS
+from spa_fo.plant.effects.library import CONTRACT
 from spa_fo.plant.model_file import read_model
 from spa_fo.virtual_rig.campaign_writer import write_folder
 
@@ -59,7 +59,7 @@ def angles(data):
 
 def test_the_package_offers_what_a_rig_offers():
     assert NAME == "virtual_rig"
-    assert sorted(EFFECTS) == sorted(IDS)
+    assert sorted(EFFECTS) == sorted(CONTRACT)
     assert FOREIGN
     assert not set(FOREIGN) & set(EFFECTS)
     assert {name for fair in FOREIGN.values() for name in fair} <= set(EFFECTS)

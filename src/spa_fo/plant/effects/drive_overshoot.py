@@ -10,8 +10,8 @@ import cmath
 import math
 
 import numpy as np
-from scipy.signal import lfilter
 
+from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
 from spa_fo.plant.effects.shared import Floats
 
@@ -25,15 +25,28 @@ def overshoot(
     split = cmath.sqrt(damping**2 - 1.0) * rate
     if abs(split) < 1e-6 * rate:
         split = 1e-6 * rate + 0j
-    # Of a unit step: (e^{+t} - e^{-t}) with both poles, of which each step takes the mean.
-    out = np.zeros(pressure_kpa.size, dtype=np.complex128)
-    change = np.diff(pressure_kpa, prepend=0.0)
-    for sign in (1.0, -1.0):
-        pole = -damping * rate + sign * split
-        keep = np.exp(pole * step_s)
-        mean = (keep - 1.0) / (pole * step_s)
-        out += sign * mean * lfilter([1.0], [1.0, -keep], change)
-    return np.asarray(pressure_kpa + fraction * (out / (2.0 * split)).real * rate / peak(damping))
+    swing = swings(pressure_kpa, step_s, -damping * rate, split)
+    return np.asarray(pressure_kpa + fraction * rate / peak(damping) * swing)
+
+
+@njit
+def swings(signal: Floats, step_s: float, middle: float, split: complex) -> Floats:
+    """Mean over each step of a second-order system that changes push, its poles apart by twice."""
+    out = np.empty_like(signal)
+    above, below = middle + split, middle - split
+    keep_above, keep_below = np.exp(above * step_s), np.exp(below * step_s)
+    mean_above = (keep_above - 1.0) / (above * step_s) / (2.0 * split)
+    mean_below = (keep_below - 1.0) / (below * step_s) / (2.0 * split)
+    one, other, before = 0j, 0j, 0.0
+    for i in range(signal.size):
+        change = signal[i] - before
+        before = signal[i]
+        one += change
+        other += change
+        out[i] = (mean_above * one - mean_below * other).real
+        one *= keep_above
+        other *= keep_below
+    return out
 
 
 def peak(damping: float) -> float:
