@@ -44,7 +44,7 @@ SIZES: dict[str, dict[str, float]] = {
     "mains_pickup": {"amplitude_deg": 1.0},
     "orifice_flow": {"filling_s": 0.25, "venting_ratio": 1.6},
     "drive_overshoot": {"fraction": 0.15, "period_s": 1.2, "damping": 0.3},
-    "pressure_gain": {"growth": 0.15, "exponent": 0.8},
+    "gain_growth": {"growth": 0.15, "exponent": 0.8},
     "opening_fold": {"opening_kpa": 4.0, "sharpness": 3.0},
     "pressure_set": {"set_kpa": 2.0, "building_s": 3.0},
     "body_mode": {"share": 0.3, "frequency_hz": 0.5, "damping": 0.05},

@@ -109,9 +109,9 @@ def test_an_overshoot_is_as_large_as_it_says_and_leaves_the_level(damping: float
 def test_a_gain_that_grows_and_one_that_falls() -> None:
     p, time = np.array([0.0, 30.0, 60.0]), np.arange(3.0)
     for growth, exponent in ((0.05, 1.0), (-0.05, 1.0), (0.02, 2.0)):
-        found = act("pressure_gain", p, time, growth=growth, exponent=exponent)
+        found = act("gain_growth", p, time, growth=growth, exponent=exponent)
         np.testing.assert_allclose(found, p * (1.0 + growth * (p / 30.0) ** exponent), rtol=0.006)
-    assert (act("pressure_gain", p[1:], time[1:], growth=-2.0) > 0.0).all()
+    assert (act("gain_growth", p[1:], time[1:], growth=-2.0) > 0.0).all()
 
 
 def test_a_pressure_to_a_power_is_such_a_gain() -> None:
@@ -119,7 +119,7 @@ def test_a_pressure_to_a_power_is_such_a_gain() -> None:
     wanted = p**1.22 / 30.0**0.22
 
     def apart(growth: float, exponent: float) -> float:
-        found = act("pressure_gain", p, p, growth=growth, exponent=exponent)
+        found = act("gain_growth", p, p, growth=growth, exponent=exponent)
         scale = (found @ wanted) / (found @ found)
         return float(np.abs(scale * found / wanted - 1.0).max())
 
@@ -241,5 +241,5 @@ def test_an_effect_that_looks_at_the_pressure_alone_is_simulated_once(
     move = chain.move
     monkeypatch.setattr(chain, "move", lambda *a: (runs.append(1), move(*a))[1])
     own = trials(step_release(), triangle())
-    angles(own, vector("pressure_gain"), X)
+    angles(own, vector("gain_growth"), X)
     assert len(runs) == 1

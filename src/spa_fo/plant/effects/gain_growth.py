@@ -21,7 +21,7 @@ def stretched(pressure_kpa: Floats, time_s: Floats, growth: float, exponent: flo
 
 
 EFFECT = Effect(
-    id="pressure_gain",
+    id="gain_growth",
     stage="actuator",
     parameters=(
         amplitude(
