@@ -89,8 +89,8 @@ EFFECT = Effect(
     shown_in=("release",),
     equivalents={
         "drive_overshoot": Check(
-            "log the pressure with a tap in the line, close to the actuator",
-            "a body swings while the pressure stands still",
+            "close a valve at the actuator's inlet right after a step",
+            "a body goes on swinging, a regulator's overshoot cannot reach it any more",
         ),
         "sensor_lag": _CAMERA,
     },

@@ -97,8 +97,8 @@ EFFECT = Effect(
     shown_in=("release",),
     equivalents={
         "body_mode": Check(
-            "log the pressure with a tap in the line, close to the actuator",
-            "a regulator that overshoots shows there, a body that swings does not",
+            "close a valve at the actuator's inlet right after a step",
+            "a body goes on swinging, a regulator's overshoot cannot reach it any more",
         )
     },
     act=overshoot,

@@ -19,7 +19,7 @@ from spa_fo.plant.effects.shared import Floats
 REFERENCE_KPA = 10.0
 
 _LEVELS = Check(
-    "log the pressure through steps of several heights from rest",
+    "step to several heights from rest",
     "through an orifice a step of four times the height takes twice as long; a line takes as long "
     "for any, and a limited rate four times as long",
 )

@@ -65,8 +65,8 @@ EFFECT = Effect(
     shown_in=("release", "levels"),
     equivalents={
         "line_lag": Check(
-            "log the pressure close to the actuator through a step up and a step down",
-            "a line lags there, and alike both ways; an actuator's damping does not show there",
+            "step up by the same small height from several pressures",
+            "a line lags alike at all of them, damping that goes with the pressure does not",
         )
     },
     act=delayed,
