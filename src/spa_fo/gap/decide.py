@@ -28,7 +28,7 @@ from spa_fo.gap.explanations import Explanations, further_price
 from spa_fo.gap.interference import Line
 from spa_fo.gap.search import Fitted, price
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, at_port, log_odds, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -100,17 +100,16 @@ class Verdict:
 
 
 def log_prior(ids: Ids) -> float:
-    """Logarithm of a set's probability beforehand: small sets first, then what is usual."""
-    s = SETTINGS
+    """Logarithm of a set's probability beforehand: small sets first."""
+    s, n = SETTINGS, len(LIBRARY)
     if not ids:
         return float(np.log(s.none))
-    odds = np.array([effect.odds for effect in LIBRARY.values()])
     if len(ids) == 1:
-        return float(np.log(s.single / odds.sum())) + log_odds(ids)
-    pairs = 0.5 * (odds.sum() ** 2 - np.sum(odds**2))
+        return float(np.log(s.single / n))
+    pairs = n * (n - 1) / 2
     further = -(len(ids) - 2) * further_price()
     beside = np.log(s.shift_beside) if at_port("coefficients", ids) else 0.0
-    return float(np.log(s.pair / pairs) + further + beside) + log_odds(ids)
+    return float(np.log(s.pair / pairs) + further + beside)
 
 
 def _stands_in() -> float:

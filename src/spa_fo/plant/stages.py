@@ -1,4 +1,4 @@
-"""The stages of the chain: the library's kernels, and behind them the effects that act."""
+"""The stages of the chain: the library's kernels, and behind them effects of a campaign's own."""
 
 from __future__ import annotations
 
@@ -73,18 +73,13 @@ def moving_pressure(
     own = list(acting(effects, "actuator"))
     lengths = STEPS_S[level]
     time = np.cumsum(lengths) - 0.5 * lengths
-    if not any(effect.sees_angle for effect, _ in own):
-        for effect, values in own:
-            pressure = acted(effect, values, pressure, time)
-        return pressure
 
     def pushed(moving: Floats) -> Floats:
         ends = angle(moving)
         middle = 0.5 * (ends + np.concatenate([[before], ends[:-1]]))
         found = pressure
         for effect, values in own:
-            seen = (middle,) if effect.sees_angle else ()
-            found = acted(effect, values, found, *seen, time)
+            found = acted(effect, values, found, middle, time)
         return found
 
     return _fixed_point(pushed, pressure)
