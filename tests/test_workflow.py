@@ -148,11 +148,21 @@ def own_sources(finished: Path, tmp_path: Path) -> tuple[Path, dict[str, str]]:
 @pytest.mark.parametrize(
     ("source", "rules"),
     [
-        ("report/figures.py", {"all", "figures", "publish"}),
-        ("gap/floor.py", {"all", "diagnose", "publish"}),
+        ("report/figures.py", {"all", "compare", "figures", "publish"}),
+        ("gap/floor.py", {"all", "diagnose", "compare", "publish"}),
+        ("compare/fading_memory.py", {"all", "compare", "publish"}),
         (
             "rig/calibration.py",
-            {"all", "raw_to_angle", "identify", "diagnose", "ablation", "figures", "publish"},
+            {
+                "all",
+                "raw_to_angle",
+                "identify",
+                "diagnose",
+                "compare",
+                "ablation",
+                "figures",
+                "publish",
+            },
         ),
         ("virtual_rig/actuator.py", set()),
     ],

@@ -1,6 +1,8 @@
 """What changed in one material's campaign since its reference: document, page, figures, model."""
 
-from spa_fo.api import Campaign, Model
+# From their own modules: `spa_fo.api` loads them late, and what they need would not be seen.
+from spa_fo.api.campaign import Campaign
+from spa_fo.api.model import Model
 from spa_fo.edge import workflow_step
 
 with workflow_step(snakemake.log[0], snakemake.threads):
