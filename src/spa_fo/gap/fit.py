@@ -20,7 +20,6 @@ from scipy.linalg import cho_factor, cho_solve
 Floats = NDArray[np.float64]
 
 _DAMPING = 5.0  # where it starts, against the prior: few points are rejected, and few needed
-_NOTHING = 0.1  # of what is enough: a step that promises less, and fails, ends the search
 _MOST_BENT = 0.75
 """Longest acceleration, as a share of its step, that is still to be trusted (there, section IV)."""
 
@@ -127,7 +126,7 @@ def minimise(
             rejected += 1
             damping *= growth
             growth *= 2.0
-            if predicted < _NOTHING * enough:
+            if float(np.max(np.abs(moved))) < 1e-9:
                 return Minimum(z, at, left, tried, rejected)
 
 
