@@ -17,7 +17,6 @@ import campaigns
 import naive_plant
 from spa_fo import step_response
 from spa_fo.gap import claim
-from spa_fo.gap.answer import stages
 from spa_fo.gap.evidence import Evidence, collect, curve_columns
 from spa_fo.gap.floor import noise_floor
 from spa_fo.gap.intervals import _interval, _of_shift, _of_zeros
@@ -71,6 +70,7 @@ def test_without_drift_deviations_from_the_mean_are_the_floor() -> None:
 
 def test_without_repeats_the_noise_of_samples_is_the_floor() -> None:
     assert noise_floor(repeated(np.ones((2, 9)), 0.3, [0, 1])) == 0.3
+    assert noise_floor(repeated(np.ones((2, 9)), 0.3, [0, 1]), otherwise=0.7) == 0.7
 
 
 # --- claims ---------------------------------------------------------------------------------------
@@ -80,8 +80,9 @@ def test_an_interference_is_no_part_of_the_scatter(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(claim, "noise_floor", lambda *_: 1.0)
     waves = {None: 0.8, (1.0, 0.8): np.sqrt(0.8**2 - 0.32), (1.0, 5.0): 0.08}
     for line, left in waves.items():
-        chosen: Any = SimpleNamespace(line=line)
-        assert claim._scatter(None, chosen, None, 0.8) == pytest.approx(left)  # type: ignore[arg-type]
+        chosen: Any = SimpleNamespace(line=line, ids=())
+        scatter = claim._scatter(None, None, chosen, None, 0.8)  # type: ignore[arg-type]
+        assert scatter == pytest.approx(left)
 
 
 # --- where ----------------------------------------------------------------------------------------
@@ -193,23 +194,3 @@ def test_the_errors_of_a_slip_are_what_its_zeros_scatter_about_a_line_by() -> No
     wider = student_t.ppf(0.975, 10) / 1.96
     assert absolute["sensor_slip", "walk_deg"] == pytest.approx(np.sqrt(spread[0, 0]) * wider)
     assert absolute["sensor_slip", "zero_deg"] == pytest.approx(0.2 * wider, rel=0.4)
-
-
-# --- what is said where the stage is not known ---------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("command", "said"),
-    [
-        (np.zeros(1), "neither the pressure nor a calibration"),
-        (None, "the measured pressure drives"),
-    ],
-)
-def test_why_the_stage_is_not_known(command, said):
-    """A model that the pressure drives does not lack the pressure."""
-    grid = SimpleNamespace(command_kpa=command)
-    everything = SimpleNamespace(has_pressure=False, fixture=None, grid=grid)
-    verdict = SimpleNamespace(kind="unknown", sets=())
-    stage, why = stages(SimpleNamespace(everything=everything), verdict, np.zeros(1))
-    assert stage is None
-    assert why.startswith(said)
