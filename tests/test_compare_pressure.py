@@ -29,35 +29,58 @@ def without_angle(campaign: Path, out: Path, *columns: str) -> Path:
     """Write what a campaign holds again, as csv of these columns and no angle."""
     data = read(campaign)
     columns = columns or ("command", "pressure")
+    logged = []
+    for trial in data.trials:
+        signals = {"time": trial.t_s, "command": trial.command_kpa, "pressure": trial.pressure_kpa}
+        about = (trial.experiment, trial.trial, trial.order, trial.started_s, trial.protocol)
+        logged.append((about, np.column_stack([signals[name] for name in ("time", *columns)])))
+    return write_pressures(out, logged, columns, data.campaign.reference_kpa)
+
+
+def write_pressures(
+    out: Path, logged: list[Any], columns: tuple[str, ...], reference_kpa: float
+) -> Path:
+    """Write a campaign of command and pressure."""
     out.mkdir(parents=True)
     experiments: dict[str, dict[str, Any]] = {}
     sums = []
-    for trial in data.trials:
-        file = f"{trial.experiment}_{trial.trial}.csv"
-        signals = {"time": trial.t_s, "command": trial.command_kpa, "pressure": trial.pressure_kpa}
-        shown = [np.asarray(signals[name]) for name in ("time", *columns)]
-        head = ",".join(("time", *columns))
-        np.savetxt(out / file, np.column_stack(shown), "%.6g", ",", header=head, comments="")
+    head = ",".join(("time", *columns))
+    for (experiment, number, order, started_s, protocol), rows in logged:
+        file = f"{experiment}_{number}.csv"
+        np.savetxt(out / file, rows, "%.6g", ",", header=head, comments="")
         sums.append(f"{hashlib.sha256((out / file).read_bytes()).hexdigest()}  {file}\n")
-        one = {"name": trial.experiment, "protocol": trial.protocol, "trials": []}
-        trials = experiments.setdefault(trial.experiment, one)["trials"]
-        trials.append({"file": file, "order": trial.order, "started_s": trial.started_s})
+        one = {"name": experiment, "protocol": protocol, "trials": []}
+        trials = experiments.setdefault(experiment, one)["trials"]
+        trials.append({"file": file, "order": order, "started_s": started_s})
     (out / "SHA256SUMS").write_text("".join(sums))
     units = {"time": "s", "command": "kPa", "pressure": "kPa"}
     description = {
         "schema": "spa-fo/campaign/1",
-        "name": data.campaign.name,
-        "material": data.campaign.material,
+        "name": out.name,
+        "material": "drive",
         "provenance": {"kind": "synthetic"},
         "log": {
             "format": "csv",
             "columns": {name: {"column": name, "unit": units[name]} for name in ("time", *columns)},
         },
-        "input": {"reference_kpa": data.campaign.reference_kpa},
+        "input": {"reference_kpa": reference_kpa},
         "experiments": list(experiments.values()),
     }
     (out / "campaign.yaml").write_text(yaml.safe_dump(description, sort_keys=False))
     return out
+
+
+def sines(out: Path, delay_s: float, seed: int) -> Path:
+    """Command slow sines without any jump to a drive that is late."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 20.0, 0.05)
+    logged = []
+    for number in range(1, 7):
+        kpa = [30.0 - 30.0 * np.cos(np.pi * np.maximum(t - late, 0.0)) for late in (0.0, delay_s)]
+        measured = kpa[1] + 0.05 * rng.standard_normal(len(t))
+        about = ("sine", number, number, 60.0 * number, "free")
+        logged.append((about, np.column_stack((t, kpa[0], measured))))
+    return write_pressures(out, logged, ("command", "pressure"), 60.0)
 
 
 def pair(folder: Path, *effects: str, size: float = 6.0, seed: int = 11) -> tuple[Path, Path]:
@@ -92,6 +115,15 @@ def test_what_changed_in_the_drive_is_named(effect: str, seed: int, tmp_path: Pa
     assert comparison.kind in ("cause", "ambiguous")
     assert (effect,) == comparison.causes[0]
     assert comparison.document["where"]["stage"]["drive"] == 1.0
+
+
+def test_a_command_that_never_jumps_is_compared_all_over(tmp_path: Path) -> None:
+    same = Comparison.of_pressure(
+        sines(tmp_path / "before", 0.1, 5), sines(tmp_path / "again", 0.1, 6)
+    )
+    assert same.kind == "nothing_changed"
+    later = Comparison.of_pressure(tmp_path / "before", sines(tmp_path / "after", 0.2, 7))
+    assert later.kind != "nothing_changed"
 
 
 def test_an_effect_of_the_actuator_is_not_seen(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from spa_fo.compare import Comparison as Compared
 from spa_fo.compare import compare_pressure
 from spa_fo.errors import BadInput
 from spa_fo.gap.diagnose import check_effects
+from spa_fo.gap.examine import silent
 from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.rig import read_campaign, read_trials
 
@@ -21,10 +22,6 @@ if TYPE_CHECKING:
 
 _COLUMNS = ("what changed", "probability")
 _MOST = 6
-
-
-def _silent(step: str) -> None:
-    """Keep to oneself what is being done."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +44,7 @@ class Comparison:
         *,
         exclude: Sequence[str] = (),
         seed: int = 1,
-        progress: Callable[[str], None] = _silent,
+        progress: Callable[[str], None] = silent,
     ) -> Comparison:
         """Compare two campaign folders by command and measured pressure alone.
 

@@ -20,6 +20,7 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.bench_noise import TYPICAL, Beyond
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
+from spa_fo.gap.examine import silent
 from spa_fo.gap.noise import Differences, Scatter, Spectrum, estimate, scatter
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
@@ -34,10 +35,6 @@ SCHEMA = "spa-fo/comparison/1"
 NOTHING_CHANGED = "nothing_changed"
 _ROWS = 100  # of a trial, that the noise is estimated from
 _WHITE = 1e-3  # deg or kPa: what is averaged holds next to no white noise
-
-
-def _silent(step: str) -> None:
-    """Keep to oneself what is being done."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +123,7 @@ def compare(
     *,
     excluded: Sequence[str] = (),
     seed: int = 1,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> Comparison:
     """Say what changed from one campaign of an actuator to another.
 

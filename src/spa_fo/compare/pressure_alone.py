@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.blas import one_blas_thread
 from spa_fo.compare.compare import Comparison, lost_in_drive, noise_of, shows_drive, uncertain
 from spa_fo.compare.fading_memory import Signal, learn
 from spa_fo.errors import BadInput
@@ -19,7 +20,9 @@ from spa_fo.gap.decide import chosen, decide_drive
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Step, Traces, Where
 from spa_fo.gap.drive import Drive, DriveFit, examine_drive
 from spa_fo.gap.evidence import Evidence, collect
+from spa_fo.gap.examine import silent
 from spa_fo.gap.findings import drive_finding
+from spa_fo.gap.held_to import CLEARLY
 from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse
 from spa_fo.gap.intervals import drive_intervals
 from spa_fo.gap.locate import shares
@@ -28,6 +31,7 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.effect import STAGES
 from spa_fo.plant.effects.library import COMMONEST, LIBRARY
+from spa_fo.plant.grid import acting_command
 from spa_fo.rig import CampaignData, Trial
 
 Floats = NDArray[np.float64]
@@ -36,19 +40,20 @@ Progress = Callable[[str], None]
 
 _JUMP = 0.02  # of the commands' range, from one sample to the next
 _ABOUT = 5  # samples about it
-_CLEARLY = 3.0  # times what is expected: something has changed, and may have a name
+_MOST = 0.5  # of a trial
 _QUICK = (1.9, 0.9, 20.0, 100.0)  # of what stands for an actuator: it follows in 0.2 s
 _NO_ANGLE = "no angle was logged: actuator and sensor are not seen"
 _LOG_IT = Step("log the angle as well", "the actuator and the sensor may have changed unseen")
 
 
+@one_blas_thread
 def compare_pressure(
     reference: CampaignData,
     data: CampaignData,
     *,
     excluded: Sequence[str] = (),
     seed: int = 1,
-    progress: Progress = lambda step: None,
+    progress: Progress = silent,
 ) -> Comparison:
     """Say what changed in the drive, by command and measured pressure alone.
 
@@ -103,11 +108,19 @@ def compare_pressure(
 
 
 def _lost(trial: Trial) -> Signal:
-    """Return what pressure differs from command by; about a jump that says when, not how much."""
+    """Return what pressure differs from command by.
+
+    About a jump it says when, not how much, and is doubtful. Where that would be most of a trial
+    the command does not jump, it moves: what a row shows then differs from what acted on it.
+    """
     signal = lost_in_drive(trial)
     step = np.abs(np.diff(signal.input, prepend=signal.input[0]))
     jumps = step > _JUMP * np.ptp(signal.input)
-    return replace(signal, doubtful=np.convolve(jumps, np.ones(_ABOUT), mode="same") > 0.0)
+    about = np.convolve(jumps, np.ones(_ABOUT), mode="same") > 0.0
+    if about.mean() < _MOST:
+        return replace(signal, doubtful=about)
+    acting = acting_command(trial)
+    return replace(signal, input=acting, missed=signal.missed + signal.input - acting)
 
 
 def _without(trial: Trial, usual: Floats) -> Trial:
@@ -142,11 +155,11 @@ def _said(
 ) -> Diagnosis:
     grid, campaign = evidence.grid, evidence.data.campaign
     assert grid.command_kpa is not None
-    command = grid.step_means(grid.command_kpa)[grid.sample_step]
+    command = grid.sampled(grid.command_kpa)
     weighed, fits, unknown = decide_drive(drive, evidence, expected_kpa)
     where = judged(evidence, held)
     errors = {ids: _error(evidence, fit, where) for ids, fit in fits.items() if ids}
-    errors[()] = _error(evidence, drive.fits[()], where)
+    errors[()] = rmse(evidence, command, where)
     weighed, unknown = _held_to(weighed, unknown, errors, expected_kpa)
     ranked = sorted(weighed.items(), key=lambda item: -item[1])
     kind, sets = chosen(ranked, unknown)
@@ -216,7 +229,7 @@ def _held_to(
 ) -> tuple[dict[Ids, float], float]:
     """Hold probabilities against the held-out trials and what is missed of the reference."""
     found = dict(weighed)
-    clearly = errors[()] > _CLEARLY * expected_kpa
+    clearly = errors[()] > CLEARLY * expected_kpa
     for ids, error in errors.items():
         closed = 1.0 - (error / max(errors[()], 1e-12)) ** 2
         if ids and not (clearly and closed >= SETTINGS.worth):

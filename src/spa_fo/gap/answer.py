@@ -137,7 +137,7 @@ def traces_of(
     grid = everything.grid
     command = np.full(grid.angle_deg.size, np.nan)
     if grid.command_kpa is not None:
-        command = grid.step_means(grid.command_kpa)[grid.sample_step]
+        command = grid.sampled(grid.command_kpa)
     fixture = everything.fixture
     empty = np.zeros(0)
     explained = empty

@@ -198,7 +198,7 @@ def _of_drive(drive: Drive | None, evidence: Evidence, floor_deg: float) -> list
             less[LIBRARY[name].slots] = np.nan
             cells = modelled_pressure(evidence, less)
             grid = evidence.grid
-            moved[name] = apart(f, grid.step_means(cells)[grid.sample_step])
+            moved[name] = apart(f, grid.sampled(cells))
         named = _that_move(moved, floor_deg)
         if len(ids) > 1:
             least = max(s.needed * floor_deg, s.needed_of_all * gap_deg)

@@ -239,7 +239,7 @@ def _fit(problem: PressureProblem, points: list[Floats]) -> DriveFit:
         effects=problem.effects(found.z),
         cells_kpa=cells,
         shown_kpa=problem.shown(found.z),
-        predicted_kpa=grid.step_means(cells)[grid.sample_step],
+        predicted_kpa=grid.sampled(cells),
         residual_kpa=measured - shown - sensor[0] - sensor[1] * shown,
         sensor=sensor[:2],
         sigma=problem.errors(linear, factor),

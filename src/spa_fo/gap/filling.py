@@ -46,7 +46,7 @@ class FillingFit:
         self._measured = grid.measured_kpa[self._used]
         white = evidence.pressure_noise_kpa**2 / grid.counts + resolution(evidence) ** 2 / 12.0
         self._sigma = np.sqrt(white + (_BLUR * blur(evidence)) ** 2)[self._used]
-        step_kpa = grid.step_means(self._command)[grid.sample_step][self._used]
+        step_kpa = grid.sampled(self._command)[self._used]
         above = step_kpa - self._measured
         self.basis: Basis = motion_basis("filling", above, grid.counts[self._used], straight=True)
         lags = [self.basis.coefficients(self.basis.knots / time) for time in _TIMES_S]
@@ -60,7 +60,7 @@ class FillingFit:
 
     def _predicted(self, e: Floats) -> Floats:
         cells = self.basis.law(e).driven(self._command, self._grid.cell_starts)
-        return self._grid.step_means(cells)[self._grid.sample_step][self._used]
+        return self._grid.sampled(cells)[self._used]
 
     def _misfit(self, e: Floats) -> float:
         left = (self._measured - self._predicted(e)) / self._sigma

@@ -9,7 +9,8 @@ from spa_fo.gap.decide import Verdict, judge
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY
 
-_CLEARLY = 3.0  # times what a reference misses, too: something has changed
+CLEARLY = 3.0
+"""Times what a reference misses, too: something has changed."""
 
 
 def held_to(verdict: Verdict, claimed: Claim, closing: float = SETTINGS.closes) -> Verdict:
@@ -57,7 +58,7 @@ def beyond_expected(verdict: Verdict, size: float) -> Verdict:
         scored = [replace(s, probability=0.0 if s.named else 1.0) for s in verdict.scored]
         scored.sort(key=lambda s: -s.probability)
         return judge(scored, 0.0, verdict.unknown_drive)
-    if verdict.kind == "no_gap" and size > _CLEARLY:
+    if verdict.kind == "no_gap" and size > CLEARLY:
         # No noise of the reference is as large.
         scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
         return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)

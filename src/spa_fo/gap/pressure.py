@@ -136,7 +136,7 @@ class PressureProblem(Explained):
             if len(self._known) > 64:
                 self._known.clear()
             grid = self.evidence.grid
-            self._known[key] = grid.step_means(self.shown(z))[grid.sample_step]
+            self._known[key] = grid.sampled(self.shown(z))
         return self._known[key]
 
     def left(self, z: Floats) -> Floats:

@@ -53,6 +53,8 @@ class CampaignGrid:
         Of each averaged sample: its step, and where in it its mean time lies (0 to 1).
     sample_trial : (n,) array
         Its trial, as an index into `trials`.
+    row_cell, row_starts : (rows,), (n,) arrays
+        Of each row of the logs its cell; where in these the rows of each averaged sample begin.
     time_s, angle_deg, counts : (n,) arrays
         Mean time within the trial, mean angle, samples averaged.
     measured_kpa : (n,) array or None
@@ -72,6 +74,8 @@ class CampaignGrid:
     sample_step: Integers
     sample_share: Floats
     sample_trial: Integers
+    row_cell: Integers
+    row_starts: Integers
     time_s: Floats
     angle_deg: Floats
     counts: Floats
@@ -121,6 +125,10 @@ class CampaignGrid:
         total = np.concatenate([[0.0], np.cumsum(cells)])
         sums = total[self.first_cell + self.cells] - total[self.first_cell]
         return np.asarray(np.where(self.cells > 0, sums / np.maximum(self.cells, 1), 0.0))
+
+    def sampled(self, cells: Floats) -> Floats:
+        """Average a signal given on cells over the rows of each averaged sample."""
+        return np.asarray(np.add.reduceat(cells[self.row_cell], self.row_starts) / self.counts)
 
 
 def campaign_grid(
@@ -176,6 +184,7 @@ def campaign_grid(
         starts.append(starts[-1] + own.size + rest.size)
 
     measured = [item.measured_kpa for item in samples]
+    counts = np.concatenate([item.counts for item in samples])
     return CampaignGrid(
         trials=ordered,
         command_kpa=_joined([item.command for item in laid]),
@@ -190,9 +199,11 @@ def campaign_grid(
         sample_step=np.concatenate([item.step for item in samples]),
         sample_share=np.concatenate([item.share for item in samples]),
         sample_trial=np.concatenate([np.full(s.step.size, i) for i, s in enumerate(samples)]),
+        row_cell=np.concatenate([s.cell + n for s, n in zip(samples, cell_starts, strict=False)]),
+        row_starts=np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
         time_s=np.concatenate([item.time_s for item in samples]),
         angle_deg=np.concatenate([item.angle_deg for item in samples]),
-        counts=np.concatenate([item.counts for item in samples]),
+        counts=counts,
         measured_kpa=_joined(measured),
     )
 
@@ -215,6 +226,7 @@ class _Samples:
 
     step: Integers
     share: Floats
+    cell: Integers
     time_s: Floats
     angle_deg: Floats
     counts: Floats
@@ -227,13 +239,10 @@ def _lay(trial: Trial, source: object) -> _Laid:
     cells = int(np.ceil(t[-1] / FINEST_STEP_S - 1e-6)) if t.size > 1 else 0
     if cells < 2:
         raise BadInput(str(source), f"{trial.label} lasts {t[-1]:g} s; expected a longer log")
-    edges = FINEST_STEP_S * np.arange(cells + 1)
+    edges = np.asarray(FINEST_STEP_S * np.arange(cells + 1), dtype=np.float64)
     command = pressure = None
     if trial.command_kpa is not None:
-        held = np.append(np.diff(t), FINEST_STEP_S)
-        area = np.concatenate([[0.0], np.cumsum(trial.command_kpa[keep] * held)])
-        at = np.append(t, t[-1] + FINEST_STEP_S)
-        command = np.diff(np.interp(edges, at, area)) / FINEST_STEP_S
+        command = _held(t, trial.command_kpa[keep], edges)
     if trial.pressure_kpa is not None:
         middle = 0.5 * (edges[1:] + edges[:-1])
         pressure = np.interp(middle, t, trial.pressure_kpa[keep])
@@ -241,6 +250,30 @@ def _lay(trial: Trial, source: object) -> _Laid:
     if drive is None:
         raise BadInput(str(source), f"{trial.label} holds neither command nor pressure")
     return _Laid(drive, command, pressure)
+
+
+def _held(t_s: Floats, command_kpa: Floats, edges_s: Floats) -> Floats:
+    """Average a command that holds from row to row over cells."""
+    held = np.append(np.diff(t_s), FINEST_STEP_S)
+    area = np.concatenate([[0.0], np.cumsum(command_kpa * held)])
+    at = np.append(t_s, t_s[-1] + FINEST_STEP_S)
+    return np.asarray(np.diff(np.interp(edges_s, at, area)) / FINEST_STEP_S)
+
+
+def acting_command(trial: Trial, source: object = "campaign") -> Floats:
+    """Return the command that acts on what each row of a trial logs, (rows,), kPa.
+
+    Mostly that of the row before: the mean over the cell that the row lies in.
+
+    Raises
+    ------
+    BadInput
+        The trial has no command, or no duration.
+    """
+    command = _lay(trial, source).command
+    if command is None:
+        raise BadInput(str(source), f"{trial.label} holds no command")
+    return np.asarray(command[_cell_at(command.size, trial.t_s)])
 
 
 def _steps(drive: Floats, largest: float, longest: int) -> Integers:
@@ -309,6 +342,7 @@ def _average(trial: Trial, level: Integers, first: int) -> _Samples:
     return _Samples(
         step=used + first,
         share=_share(ends_s, level, used, time),
+        cell=_cell_at(int(np.sum(2**level)), t),
         time_s=time,
         angle_deg=mean(trial.angle_deg[good]),
         counts=counts[used],
@@ -323,6 +357,10 @@ def _ends_s(level: Integers) -> Floats:
 
 def _step_at(ends_s: Floats, t_s: Floats) -> Integers:
     return np.minimum(np.searchsorted(ends_s, t_s, side="left"), ends_s.size - 1)
+
+
+def _cell_at(cells: int, t_s: Floats) -> Integers:
+    return _step_at(np.asarray(FINEST_STEP_S * np.arange(1, cells + 1), dtype=np.float64), t_s)
 
 
 def _share(ends_s: Floats, level: Integers, step: Integers, t_s: Floats) -> Floats:
