@@ -24,7 +24,7 @@ from tabulate import tabulate
 from blind.first_rig import write_case
 from spa_fo.atomic import write_text
 from spa_fo.gap import diagnose
-from spa_fo.gap.evidence import angle_chain, collect
+from spa_fo.gap.data.evidence import angle_chain, collect
 from spa_fo.identify import fit_campaign
 from spa_fo.plant import Model, read_model
 from spa_fo.plant.effects.library import LIBRARY, absent

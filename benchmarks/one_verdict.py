@@ -51,11 +51,11 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
     import numpy as np
 
     from blind.judge.realised import campaign_data, judged_model
-    from spa_fo.gap.claim import Claim, claim
-    from spa_fo.gap.decide import decide
-    from spa_fo.gap.examine import examine
-    from spa_fo.gap.held_to import held_to
-    from spa_fo.gap.interference import NONE, fast_line
+    from spa_fo.gap.claim.claimed import Claim, claim
+    from spa_fo.gap.claim.held_to import held_to
+    from spa_fo.gap.decide.examine import examine
+    from spa_fo.gap.decide.weigh import decide
+    from spa_fo.gap.noise.interference import NONE, fast_line
     from spa_fo.plant import read_model
     from spa_fo.plant.effects.library import at_port
 

@@ -19,7 +19,7 @@ from spa_fo.api import Campaign, Comparison
 from spa_fo.cli import main
 from spa_fo.compare.pressure_alone import _held_to
 from spa_fo.errors import BadInput
-from spa_fo.gap.decide import chosen
+from spa_fo.gap.decide.verdict import chosen
 
 ROOT = Path(__file__).resolve().parent.parent
 RICH = {"name": "rich", "repeats": 2}

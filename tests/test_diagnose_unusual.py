@@ -14,9 +14,9 @@ import pytest
 
 import campaigns
 from spa_fo.cli import main
-from spa_fo.gap.evidence import Evidence, _curve_sigma, _drifts, collect
-from spa_fo.gap.interference import _fast, fast_line
-from spa_fo.gap.profiles import limits_of
+from spa_fo.gap.data.evidence import Evidence, _curve_sigma, _drifts, collect
+from spa_fo.gap.noise.interference import _fast, fast_line
+from spa_fo.gap.plan.profiles import limits_of
 from spa_fo.plant.effects.library import IDS
 from spa_fo.plant.grid import CampaignGrid
 from spa_fo.rig import read_campaign, read_trials
@@ -85,7 +85,7 @@ def test_a_vacuum_has_an_answer_though_no_profile(
 ) -> None:
     folder = tmp_path / "vacuum"
     campaigns.free_campaign(folder, trials=3, sign=-1.0)
-    module = importlib.import_module("spa_fo.gap.examine")
+    module = importlib.import_module("spa_fo.gap.decide.examine")
     decided = module.decide
     monkeypatch.setattr(module, "decide", lambda *given: replace(decided(*given), kind="unknown"))
     found = answer(folder, softer, tmp_path / "out", *FEW)

@@ -12,8 +12,17 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, LawFound, Shrink, Step, Traces, Where
-from spa_fo.gap.resemblance import Likeness
+from spa_fo.gap.diagnosis import (
+    Cause,
+    Diagnosis,
+    Gap,
+    LawFound,
+    Likeness,
+    Shrink,
+    Step,
+    Traces,
+    Where,
+)
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.report.causes import percent

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from spa_fo.fractional import step_response
-from spa_fo.gap.bench import known_response
-from spa_fo.gap.bench_noise import BenchNoise
-from spa_fo.gap.noise import CORRELATION_S, Scatter, Spectrum
-from spa_fo.gap.searched import to_x, to_z
+from spa_fo.gap.data.searched import to_x, to_z
+from spa_fo.gap.fit.bench import known_response
+from spa_fo.gap.noise.bench_noise import BenchNoise
+from spa_fo.gap.noise.coloured import CORRELATION_S, Scatter, Spectrum
 from spa_fo.plant.paper import TABLE_I
 
 NOISE = BenchNoise(Spectrum(0.01, np.full(CORRELATION_S.size, 0.01)), Scatter(0.01, 0.2, 0.01), 0.2)

@@ -5,10 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spa_fo.gap import decide
-from spa_fo.gap.bench import SHARES
-from spa_fo.gap.decide import Scored, judge, log_prior, stage_shares
-from spa_fo.gap.hold_out import fraction_closed, hold_out
+from spa_fo.gap.data.hold_out import fraction_closed, hold_out
+from spa_fo.gap.decide import weigh
+from spa_fo.gap.decide.verdict import Scored, judge, stage_shares
+from spa_fo.gap.fit.bench import SHARES
+from spa_fo.gap.search.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 
 GAP_DEG, FLOOR_DEG = 4.0, 0.5
@@ -77,12 +78,12 @@ def test_small_sets_come_first_and_a_shift_beside_another_last():
 
 def part(named, logs):
     """An explanation whose log evidence is `logs`, by the share that it misses."""
-    right, unknown = decide._weighed(named, np.array(logs), GAP_DEG, FLOOR_DEG)
-    return decide._Part(named, right, unknown, None, {}, 0.0)
+    right, unknown = weigh._weighed(named, np.array(logs), GAP_DEG, FLOOR_DEG)
+    return weigh._Part(named, right, unknown, None, {}, 0.0)
 
 
 def answer(*parts):
-    return decide._normalised(parts, GAP_DEG, FLOOR_DEG)
+    return weigh._normalised(parts, GAP_DEG, FLOOR_DEG)
 
 
 PLAIN = part((), [-900.0, -800.0, -700.0, -500.0, -200.0, -100.0])
@@ -101,7 +102,7 @@ def test_what_leaves_much_stands_in_for_something_unknown():
 
 def test_without_repeats_what_is_left_speaks_for_nothing():
     logs = np.array([-400.0, -200.0, -90.0, 0.0, -20.0, -60.0])
-    right, unknown = decide._weighed(("creep",), logs, GAP_DEG, FLOOR_DEG, repeats=False)
+    right, unknown = weigh._weighed(("creep",), logs, GAP_DEG, FLOOR_DEG, repeats=False)
     assert np.all(np.isneginf(unknown))
     assert right > log_prior(("creep",)) - 2.0
 
@@ -110,9 +111,9 @@ def test_structure_that_is_too_small_is_no_gap():
     """The same evidence, of a gap of a tenth of the floor."""
     logs = np.array([0.0, 1.0, 5.0, 20.0, 25.0, 10.0])
     for gap_deg, alone in ((0.1 * FLOOR_DEG, True), (4.0 * FLOOR_DEG, False)):
-        right, unknown = decide._weighed((), logs, gap_deg, FLOOR_DEG)
-        plain = decide._Part((), right, unknown, None, {}, 0.0)
-        named, _, elsewhere = decide._normalised([plain], gap_deg, FLOOR_DEG)
+        right, unknown = weigh._weighed((), logs, gap_deg, FLOOR_DEG)
+        plain = weigh._Part((), right, unknown, None, {}, 0.0)
+        named, _, elsewhere = weigh._normalised([plain], gap_deg, FLOOR_DEG)
         assert (named[()] > 0.9) is alone
         assert (elsewhere < 0.1) is alone
 
@@ -137,14 +138,14 @@ def test_a_member_without_which_the_others_do_as_well_is_not_named():
     noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=5))
     bench = SimpleNamespace(evidence=evidence, gap_deg=GAP_DEG, noise=noise)
     found = SimpleNamespace(fits={f.ids: f for f in fits}, bench=bench, excluded=())
-    named = {p.fit.ids: p.named for p in decide._of_angle(found, FLOOR_DEG)}
+    named = {p.fit.ids: p.named for p in weigh._of_angle(found, FLOOR_DEG)}
     assert named[("leak", "creep")] == ("creep",)
     assert named[("creep",)] == ("creep",)
 
 
 def test_what_moves_less_than_a_part_of_the_floor_is_none():
     least = SETTINGS.moves * FLOOR_DEG
-    assert decide._that_move({"creep": 1.01 * least, "leak": 0.99 * least}, FLOOR_DEG) == ("creep",)
+    assert weigh._that_move({"creep": 1.01 * least, "leak": 0.99 * least}, FLOOR_DEG) == ("creep",)
 
 
 def test_fraction_closed_is_the_contracts():

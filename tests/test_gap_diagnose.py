@@ -10,7 +10,8 @@ import pytest
 
 import blind_documents
 from blind.first_rig import write_case
-from spa_fo.gap import claim, diagnose_campaign
+from spa_fo.gap import diagnose_campaign
+from spa_fo.gap.claim import claimed as claim
 from spa_fo.plant.effects.library import IDS
 from spa_fo.plant.law import PLACES
 
@@ -71,7 +72,7 @@ def test_hysteresis_is_among_the_sets_and_closes_the_gap(hysteresis):
 
 def test_trials_that_judge_took_no_part_in_the_fits(tmp_path, monkeypatch):
     written(tmp_path, "hysteresis", seed=24)
-    module = importlib.import_module("spa_fo.gap.examine")
+    module = importlib.import_module("spa_fo.gap.decide.examine")
     explained, shrunk = module.explain, claim.shrink
     seen = {}
 

@@ -7,8 +7,8 @@ import pytest
 
 from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
-from spa_fo.gap.drive import examine_drive
-from spa_fo.gap.evidence import collect
+from spa_fo.gap.data.evidence import collect
+from spa_fo.gap.search.drive import examine_drive
 from spa_fo.plant.memory import FINEST_STEP_S
 
 NOISE_KPA = 0.1

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
-from spa_fo.gap.bench import bench_for
-from spa_fo.gap.drive import Drive, examine_drive
-from spa_fo.gap.drive_by_angle import joined
-from spa_fo.gap.evidence import Evidence, collect
-from spa_fo.gap.explanations import explain
-from spa_fo.gap.pressure import lagged
+from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.fit.bench import bench_for
+from spa_fo.gap.fit.pressure import lagged
+from spa_fo.gap.search.drive import Drive, examine_drive
+from spa_fo.gap.search.drive_by_angle import joined
+from spa_fo.gap.search.explanations import explain
 from spa_fo.plant.effects.library import IDS
 from spa_fo.plant.memory import FINEST_STEP_S
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spa_fo.gap.diagnosis import Shrink
-from spa_fo.gap.hold_out import (
+from spa_fo.gap.data.hold_out import (
     HeldOut,
     fraction_closed,
     shrink,
 )
+from spa_fo.gap.diagnosis import Shrink
 
 SAMPLES = 80
 FLOOR = 0.5

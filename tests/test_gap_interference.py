@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import campaigns
-from spa_fo.gap.evidence import collect
-from spa_fo.gap.interference import Line, fast_line, slow_line
-from spa_fo.gap.noise import CORRELATION_S, Spectrum
+from spa_fo.gap.data.evidence import collect
+from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
+from spa_fo.gap.noise.interference import Line, fast_line, slow_line
+from spa_fo.gap.noise.whitening import Whitening, lay_rows
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.gap.whitening import Whitening, lay_rows
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 
 STEP_S, SAMPLES, TRIALS = 0.16, 120, 6

@@ -16,15 +16,15 @@ import naive_gap
 import naive_law
 from blind.first_rig import write_case
 from spa_fo.cli import main
-from spa_fo.gap.bench import Bench, bench_for
+from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.diagnose import diagnose_campaign
-from spa_fo.gap.evidence import collect
-from spa_fo.gap.filling import FillingFit
-from spa_fo.gap.law_basis import Basis, motion_basis, order_basis, relaxation_basis
-from spa_fo.gap.law_problem import LawProblem
-from spa_fo.gap.laws import PlacedLaw, bases, law_at, place_laws
-from spa_fo.gap.resemblance import likenesses
-from spa_fo.gap.search import Fitted, fit
+from spa_fo.gap.fit.bench import Bench, bench_for
+from spa_fo.gap.places.filling import FillingFit
+from spa_fo.gap.places.law_basis import Basis, motion_basis, order_basis, relaxation_basis
+from spa_fo.gap.places.law_problem import LawProblem
+from spa_fo.gap.places.laws import PlacedLaw, bases, law_at, place_laws
+from spa_fo.gap.places.resemblance import likenesses
+from spa_fo.gap.search.fitted import Fitted, fit
 from spa_fo.plant import read_model
 from spa_fo.plant.law import Law, law_of
 from spa_fo.rig import CampaignData

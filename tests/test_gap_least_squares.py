@@ -9,9 +9,9 @@ from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal, norm
 
-from spa_fo.gap.least_squares import Explained
-from spa_fo.gap.searched import Slot
-from spa_fo.gap.whitening import Factor
+from spa_fo.gap.data.searched import Slot
+from spa_fo.gap.fit.least_squares import Explained
+from spa_fo.gap.noise.whitening import Factor
 from spa_fo.plant.effects.effect import Parameter
 
 Floats = NDArray[np.float64]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import naive_gap
-from spa_fo.gap.mixed import Normal, Prior, solve
+from spa_fo.gap.fit.mixed import Normal, Prior, solve
 
 
 def problem(seed, trials=4, rows=15):

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from spa_fo.gap.bench_noise import BenchNoise, dwell_error
-from spa_fo.gap.noise import (
+from spa_fo.gap.noise.bench_noise import BenchNoise, dwell_error
+from spa_fo.gap.noise.coloured import (
     CORRELATION_S,
     TYPICAL_DEG,
     Differences,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import campaigns
-from spa_fo.gap.bench import Bench, bench_for
-from spa_fo.gap.evidence import collect
-from spa_fo.gap.explanations import Explanations, explain, screen
-from spa_fo.gap.search import fit
+from spa_fo.gap.data.evidence import collect
+from spa_fo.gap.fit.bench import Bench, bench_for
+from spa_fo.gap.search.explanations import Explanations, explain, screen
+from spa_fo.gap.search.fitted import fit
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 

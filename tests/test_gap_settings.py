@@ -51,7 +51,8 @@ def test_no_room_knows_an_effect_by_name() -> None:
     folder = Path(spa_fo.gap.__file__).parent
     found = {
         path.name: sorted(named)
-        for path in folder.glob("*.py")
+        for path in folder.rglob("*.py")
         if (named := set(words(ast.parse(path.read_text(encoding="utf-8")))) & set(IDS))
     }
     assert found == {}
+    assert (folder / "search" / "drive.py").is_file()

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from spa_fo.gap.noise import CORRELATION_S, Spectrum
-from spa_fo.gap.whitening import MISSED_OVER_S, Rows, Whitening, lay_rows
+from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
+from spa_fo.gap.noise.whitening import MISSED_OVER_S, Rows, Whitening, lay_rows
 
 WIDTH = 0.08
 SPECTRUM = Spectrum(0.02, np.linspace(0.01, 0.03, CORRELATION_S.size))

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from spa_fo.gap.answer.findings import MISSING, lacking, misses
 from spa_fo.gap.diagnosis import Cause, Step
-from spa_fo.gap.findings import MISSING, lacking, misses
-from spa_fo.gap.next_steps import MOST, Option, in_words, next_steps, ranked
-from spa_fo.gap.remedies import CAMERA, known_remedies
+from spa_fo.gap.plan.next_steps import MOST, Option, in_words, next_steps, ranked
+from spa_fo.gap.plan.remedies import CAMERA, known_remedies
 from spa_fo.plant.effects.library import IDS
 
 A, B, C = ("creep",), ("sensor_creep",), ("leak",)

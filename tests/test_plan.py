@@ -21,12 +21,21 @@ import campaigns
 from plant_cases import KPA, X, campaign_data, parameters, trials, triangle
 from spa_fo.cli import main
 from spa_fo.errors import BadInput
-from spa_fo.gap.bench_noise import TYPICAL
+from spa_fo.gap.data.evidence import collect, curve_columns
+from spa_fo.gap.data.searched import at_rate, to_x, to_z
 from spa_fo.gap.diagnosis import Cause
-from spa_fo.gap.evidence import collect, curve_columns
-from spa_fo.gap.next_steps import next_steps
-from spa_fo.gap.plan import SEPARABLE, advise, plan, plan_few, recommendation, runs, table
-from spa_fo.gap.profiles import (
+from spa_fo.gap.noise.bench_noise import TYPICAL
+from spa_fo.gap.plan.next_steps import next_steps
+from spa_fo.gap.plan.profile_choice import (
+    SEPARABLE,
+    advise,
+    plan,
+    plan_few,
+    recommendation,
+    runs,
+    table,
+)
+from spa_fo.gap.plan.profiles import (
     BANNER,
     COLUMNS,
     FEW,
@@ -37,10 +46,9 @@ from spa_fo.gap.profiles import (
     limits_of,
     write_profile,
 )
-from spa_fo.gap.remedies import remedies, twins
-from spa_fo.gap.rivals import Rival, Standing, read_standing, rival
-from spa_fo.gap.searched import at_rate, to_x, to_z
-from spa_fo.gap.separation import _SPREAD, Bench, PairwiseSeparation
+from spa_fo.gap.plan.remedies import remedies, twins
+from spa_fo.gap.plan.rivals import Rival, Standing, read_standing, rival
+from spa_fo.gap.plan.separation import _SPREAD, Bench, PairwiseSeparation
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
 from spa_fo.plant.chain import chain_for

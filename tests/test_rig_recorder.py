@@ -20,7 +20,7 @@ import yaml
 import recorder_shows as shows
 from spa_fo.cli import main
 from spa_fo.errors import BadInput
-from spa_fo.gap import profiles
+from spa_fo.gap.plan import profiles
 from spa_fo.rig import read_campaign, read_trials
 from spa_fo.rig.board_link import BoardLink, PortLost, greeting
 from spa_fo.rig.campaign_entry import ABORTED

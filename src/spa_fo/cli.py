@@ -368,8 +368,8 @@ def _plan(options: argparse.Namespace) -> None:
     places.input_file(options.diagnosis, "diagnosis.json, as spa-fo diagnose writes one")
     check_outputs(options)
     from spa_fo.api.plan import plan_next
-    from spa_fo.gap.profiles import BANNER
-    from spa_fo.gap.rivals import read_standing
+    from spa_fo.gap.plan.profiles import BANNER
+    from spa_fo.gap.plan.rivals import read_standing
     from spa_fo.plant.effects.own import use_effects_of
 
     spare_inputs(options, options.diagnosis)

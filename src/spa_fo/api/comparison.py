@@ -12,8 +12,8 @@ from spa_fo.api.show import card, text_table
 from spa_fo.compare import Comparison as Compared
 from spa_fo.compare import compare_pressure
 from spa_fo.errors import BadInput
+from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import check_effects
-from spa_fo.gap.examine import silent
 from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.rig import read_campaign, read_trials
 

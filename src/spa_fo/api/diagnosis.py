@@ -139,7 +139,7 @@ class Diagnosis:
             It is another campaign's diagnosis, or no profile fits the limits.
         """
         from spa_fo.api.plan import plan_next
-        from spa_fo.gap.rivals import standing_of
+        from spa_fo.gap.plan.rivals import standing_of
         from spa_fo.plant.effects.own import use_effects_of
 
         at_hand = campaign if isinstance(campaign, Campaign) else Campaign.load(campaign)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from spa_fo.api.campaign import Campaign
 from spa_fo.api.show import card
-from spa_fo.gap.plan import Advice, plan_campaign, report
-from spa_fo.gap.profiles import Profile, write_profile
-from spa_fo.gap.rivals import Standing
+from spa_fo.gap.plan.profile_choice import Advice, plan_campaign, report
+from spa_fo.gap.plan.profiles import Profile, write_profile
+from spa_fo.gap.plan.rivals import Standing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, learn
 from spa_fo.errors import BadInput
-from spa_fo.gap.bench_noise import TYPICAL, Beyond
+from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
-from spa_fo.gap.examine import silent
-from spa_fo.gap.noise import Differences, Scatter, Spectrum, estimate, scatter
+from spa_fo.gap.noise.bench_noise import TYPICAL, Beyond
+from spa_fo.gap.noise.coloured import Differences, Scatter, Spectrum, estimate, scatter
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented

@@ -16,17 +16,18 @@ from spa_fo.blas import one_blas_thread
 from spa_fo.compare.compare import Comparison, lost_in_drive, noise_of, shows_drive, uncertain
 from spa_fo.compare.fading_memory import Signal, learn
 from spa_fo.errors import BadInput
-from spa_fo.gap.decide import chosen, decide_drive
+from spa_fo.gap.answer.findings import drive_finding
+from spa_fo.gap.answer.intervals import drive_intervals
+from spa_fo.gap.answer.locate import shares
+from spa_fo.gap.claim.held_to import CLEARLY
+from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.data.hold_out import HeldOut, hold_out, judged, rmse
+from spa_fo.gap.decide.examine import silent
+from spa_fo.gap.decide.verdict import chosen
+from spa_fo.gap.decide.weigh import decide_drive
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Step, Traces, Where
-from spa_fo.gap.drive import Drive, DriveFit, examine_drive
-from spa_fo.gap.evidence import Evidence, collect
-from spa_fo.gap.examine import silent
-from spa_fo.gap.findings import drive_finding
-from spa_fo.gap.held_to import CLEARLY
-from spa_fo.gap.hold_out import HeldOut, hold_out, judged, rmse
-from spa_fo.gap.intervals import drive_intervals
-from spa_fo.gap.locate import shares
-from spa_fo.gap.pressure import resolution
+from spa_fo.gap.fit.pressure import resolution
+from spa_fo.gap.search.drive import Drive, DriveFit, examine_drive
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.effect import STAGES

@@ -10,25 +10,25 @@ from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
 from spa_fo.errors import BadInput
-from spa_fo.gap.answer import causes_of, p_value, smallest_bic, stages, traces_of
-from spa_fo.gap.bench_noise import Beyond
-from spa_fo.gap.claim import Claim, claim, exact
-from spa_fo.gap.decide import Verdict
+from spa_fo.gap.answer.causes import causes_of, p_value, smallest_bic, stages, traces_of
+from spa_fo.gap.answer.findings import drive_finding, findings, misses, offers
+from spa_fo.gap.answer.locate import shares
+from spa_fo.gap.claim.claimed import Claim, claim, exact
+from spa_fo.gap.claim.final import model_of, on_all_trials
+from spa_fo.gap.claim.held_to import beyond_expected, held_to
+from spa_fo.gap.data.hold_out import rmse
+from spa_fo.gap.decide.examine import Examined, examine, silent
+from spa_fo.gap.decide.explanation import Explanation
+from spa_fo.gap.decide.verdict import Verdict
 from spa_fo.gap.diagnosis import (
     Diagnosis,
     Gap,
     Where,
     write_diagnosis,
 )
-from spa_fo.gap.examine import Examined, examine, silent
-from spa_fo.gap.explanation import Explanation
-from spa_fo.gap.final import model_of, on_all_trials
-from spa_fo.gap.findings import drive_finding, findings, misses, offers
-from spa_fo.gap.held_to import beyond_expected, held_to
-from spa_fo.gap.hold_out import rmse
-from spa_fo.gap.locate import shares
-from spa_fo.gap.missing import NOTHING, Missing, find_missing, law_finding
-from spa_fo.gap.next_steps import in_words, next_steps
+from spa_fo.gap.noise.bench_noise import Beyond
+from spa_fo.gap.places.missing import NOTHING, Missing, find_missing, law_finding
+from spa_fo.gap.plan.next_steps import in_words, next_steps
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, read_model, write_model
 from spa_fo.plant.effects.library import COMMONEST, LIBRARY

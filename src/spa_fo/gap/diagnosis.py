@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.atomic import write_text
-from spa_fo.gap.resemblance import Likeness
 from spa_fo.plant import Model
 from spa_fo.plant.law import PLACES
 
@@ -77,6 +76,28 @@ class Cause:
     transfer_function: Mapping[str, float]
     held_out_rmse_deg: float | None = None
     leftover_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """A form that a law resembles.
+
+    Attributes
+    ----------
+    form : str
+        Its name.
+    explains : float
+        Share of the curve that it gives, 1 less the RMS of what is left over the RMS.
+    parameters : dict
+        Its parameters by name, with their units in the name where they have one.
+    values : (n,) array
+        The form where the law is drawn.
+    """
+
+    form: str
+    explains: float
+    parameters: dict[str, float]
+    values: Floats = field(repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -258,7 +279,8 @@ class Diagnosis:
     model : Model
         Augmented; the plain one where nothing is explained.
     next_steps : tuple of Step
-        What to do at the bench, most telling first, a few at most; see `spa_fo.gap.next_steps`.
+        What to do at the bench, most telling first, a few at most; see
+        `spa_fo.gap.plan.next_steps`.
     laws : tuple of LawFound
         Free-form laws where the cause is unknown, the most probable first.
     """

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from spa_fo.fractional import step_map, step_response
-from spa_fo.gap.profiles import Profile
+from spa_fo.gap.plan.profiles import Profile
 from spa_fo.identify import FitResult
 from spa_fo.plant import Model
 from spa_fo.report.figures import Curve, StepPanel, step_figure

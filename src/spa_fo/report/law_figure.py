@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from spa_fo.gap.diagnosis import Diagnosis, LawFound
-from spa_fo.gap.resemblance import likeness_words
+from spa_fo.gap.places.resemblance import likeness_words
 from spa_fo.plant.law import PLACES
 from spa_fo.report.causes import percent
 from spa_fo.report.effect_words import STAGE_WORDS, phrase

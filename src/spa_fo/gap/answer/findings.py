@@ -1,0 +1,141 @@
+"""What to say of a campaign and of its diagnosis besides the verdict: sentences for the report."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.data.evidence import Evidence
+from spa_fo.gap.data.hold_out import HeldOut, judged
+from spa_fo.gap.decide.verdict import Verdict
+from spa_fo.gap.search.drive import Drive
+from spa_fo.plant.effects.library import LIBRARY
+
+Floats = NDArray[np.float64]
+
+MISSING = {
+    "pressure": "measured pressure: without it drive and actuator cannot be told apart",
+    "command": "the command: the pressure drives the model, and the drive is not diagnosed",
+    "release": "release: hysteresis, backlash and creep hardly show in up-steps",
+    "levels": "a staircase or triangle: effects of amplitude and direction show there",
+    "hold": "a long hold: creep, leak and droop show there",
+    "later calibration": "a calibration afterwards: slip and drift of the sensor",
+    "calibration": "a calibration log: the sensor cannot be told from the actuator",
+    "repeats": "repeated trials: without them the noise floor is that of single samples",
+    "order": "interleaved order: drift and amplitude are confounded in blocks",
+}
+"""Evidence that a campaign may lack, and what for."""
+
+_PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing worth saying
+
+
+def offers(evidence: Evidence) -> tuple[str, ...]:
+    """Say what a campaign holds that tells causes apart."""
+    trials = evidence.grid.trials
+    protocols = list(dict.fromkeys(trial.protocol for trial in trials))
+    found = [f"{len(trials)} trials: {', '.join(protocols)}"]
+    if evidence.has_pressure:
+        found.append("measured pressure, which tells the drive from the actuator")
+    elif evidence.grid.measured_kpa is not None:
+        found.append("measured pressure, which drives the model")
+    if len(evidence.data.calibrations) > 1:
+        found.append("calibrations before and after, which show the sensor's own drift")
+    if evidence.fixture is not None:
+        found.append("calibration dwells, which show the sensor's own lag, creep and hysteresis")
+    return tuple(found)
+
+
+def lacking(evidence: Evidence) -> tuple[str, ...]:
+    """Name what a campaign lacks that would tell causes apart, by the names of `MISSING`."""
+    trials = evidence.grid.trials
+    protocols = {trial.protocol for trial in trials}
+    orders = [trial.experiment for trial in trials]
+    blocks = sum(a != b for a, b in pairwise(orders)) + 1
+    repeated = np.unique(evidence.alike).size < len(trials)
+    absent = {
+        "pressure": evidence.grid.measured_kpa is None,
+        "command": evidence.grid.measured_kpa is not None and not evidence.has_pressure,
+        "release": protocols <= {"step"},
+        "levels": not protocols & {"staircase", "triangle", "free"},
+        "hold": "hold" not in protocols,
+        "later calibration": len(evidence.data.calibrations) < 2,
+        "calibration": evidence.fixture is None,
+        "repeats": not repeated,
+        "order": len(set(orders)) > 1 and blocks == len(set(orders)),
+    }
+    return tuple(name for name in MISSING if absent[name])
+
+
+def misses(evidence: Evidence) -> tuple[str, ...]:
+    """Say what a campaign lacks that would tell causes apart."""
+    return tuple(MISSING[name] for name in lacking(evidence))
+
+
+def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> tuple[str, ...]:
+    """Say what the measured pressure tells of the drive, whatever the angle says."""
+    if drive is None or not drive.best.ids:
+        return ()
+    fit = drive.best
+    where = judged(everything, held)
+    before, after = (
+        float(np.sqrt(np.mean(each.residual_kpa[where] ** 2))) for each in (drive.fits[()], fit)
+    )
+    if after > _PRESSURE_EXPLAINED * before:
+        return ()
+    tried_on = ", on held-out trials," if held.trials.any() else ""
+    effects = " + ".join(
+        f"{name} ({', '.join(_values(name, fit.effects[LIBRARY[name].slots]))})" for name in fit.ids
+    )
+    return (
+        f"The measured pressure by itself: {effects} reduces its RMS deviation from the "
+        f"command{tried_on} from {before:.3g} to {after:.3g} kPa.",
+    )
+
+
+def _values(name: str, values: Floats) -> list[str]:
+    return [
+        f"{parameter.name} {value:.3g}"
+        for parameter, value in zip(LIBRARY[name].parameters, values, strict=True)
+    ]
+
+
+def findings(verdict: Verdict, own: bool, repeats: bool, floor_deg: float) -> tuple[str, ...]:
+    """Say how sure the answer is.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        The answer.
+    own : bool
+        Whether the model was fitted to this campaign.
+    repeats : bool
+        Whether any experiment was run more than once.
+    floor_deg : float
+        The noise floor.
+    """
+    found = []
+    named = [s for s in verdict.scored if s.named]
+    if verdict.kind == "unknown" and not verdict.sets:
+        found.append("No explanation of the library holds on the held-out trials.")
+    elif verdict.kind != "no_gap" and named:
+        left = named[0].left_deg
+        found.append(
+            f"The best explanation leaves a systematic residual of {left:.2g}°, "
+            f"{left / max(floor_deg, 1e-9):.2g} noise floors."
+        )
+    if verdict.kind == "unknown":
+        where = "the drive" if verdict.unknown_drive > 0.5 else "actuator, sensor or log"
+        found.append(f"The unexplained part is most probably in {where}.")
+    if not repeats:
+        found.append(
+            "No experiment was repeated: coloured noise cannot be told from a systematic residual, "
+            "and the noise floor is that of the noise model."
+        )
+    if own:
+        found.append(
+            "The model was fitted to this campaign, so its coefficients have absorbed part of the "
+            "gap: they are free in every explanation; a shift of parameters is not identifiable."
+        )
+    return tuple(found)

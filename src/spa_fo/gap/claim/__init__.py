@@ -1,0 +1,1 @@
+"""What is claimed of trials that took no part, and the answer held against it."""

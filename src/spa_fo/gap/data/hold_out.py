@@ -1,0 +1,160 @@
+"""Trials that take no part in choosing or fitting, and how far the gap closes on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.data.evidence import Evidence
+from spa_fo.gap.diagnosis import Shrink
+
+Floats = NDArray[np.float64]
+
+_MOST = 0.3  # of the trials
+_DRAWS = 2000
+_LEAST_HALF_WIDTH = 0.1  # the floor itself is known from few trials
+_HARDLY = 0.3  # noise floors
+_PIECES = 8  # of a lone held-out trial
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Which trials are held out.
+
+    Attributes
+    ----------
+    trials : (trials,) bool array
+        True for those that take no part.
+    text : str
+        What they are, in words.
+    """
+
+    trials: NDArray[np.bool_]
+    text: str
+
+
+def hold_out(evidence: Evidence, rng: np.random.Generator) -> HeldOut:
+    """Draw one trial of each experiment that was repeated; else one of three or more experiments.
+
+    The first trial of an experiment stays: softening is seen in it.
+    """
+    grid = evidence.grid
+    held = np.zeros(len(grid.trials), dtype=bool)
+    most = max(1, int(_MOST * held.size))
+    names = []
+    for name in dict.fromkeys(trial.experiment for trial in grid.trials):
+        own = [i for i, trial in enumerate(grid.trials) if trial.experiment == name]
+        if len(own) >= 2 and held.sum() < most:
+            held[own[int(rng.integers(1, len(own)))]] = True
+            names.append(name)
+    if names:
+        return HeldOut(held, f"one trial of each of {', '.join(names)}: {held.sum()} trials")
+    if held.size >= 3:
+        one = int(rng.integers(held.size))
+        held[one] = True
+        return HeldOut(held, f"{grid.trials[one].label}, the only one of its experiment")
+    return HeldOut(held, "no trial was left to hold out: figures are of the fitted trials")
+
+
+def judged(evidence: Evidence, held: HeldOut) -> NDArray[np.bool_]:
+    """Averaged samples that the shrink is measured on, (n,)."""
+    trials = held.trials if held.trials.any() else np.ones_like(held.trials)
+    return np.asarray(trials[evidence.grid.sample_trial])
+
+
+def rmse(evidence: Evidence, predicted_deg: Floats, where: NDArray[np.bool_]) -> float:
+    """RMS error over single samples, their white noise included, deg."""
+    squares = _squares(evidence, predicted_deg)
+    return float(np.sqrt(np.average(squares[where], weights=evidence.grid.counts[where])))
+
+
+def shrink(
+    evidence: Evidence,
+    held: HeldOut,
+    curves: dict[str, Floats],
+    floor_deg: float,
+    rng: np.random.Generator,
+) -> Shrink:
+    """Measure how far the gap closes.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The campaign.
+    held : HeldOut
+        Trials that took no part.
+    curves : dict
+        Predictions at the averaged samples, deg: ``plain``, ``refit``, ``explained`` and
+        ``ceiling``.
+    floor_deg : float
+        The noise floor.
+    rng : numpy.random.Generator
+        For the bootstrap over trials.
+    """
+    where = judged(evidence, held)
+    unit = _units(evidence, where)
+    trials = np.unique(evidence.grid.sample_trial[where])
+    draw_of = np.unique(unit[where])
+    weights = np.array([evidence.grid.counts[unit == i].sum() for i in draw_of])
+
+    def by_unit(name: str) -> Floats:
+        squares = _squares(evidence, curves[name]) * evidence.grid.counts
+        return np.array([squares[unit == i].sum() for i in draw_of])
+
+    before, after = by_unit("plain"), by_unit("explained")
+    # What is left bounds what these trials differ by.
+    floor_deg = min(floor_deg, rmse(evidence, curves["explained"], where))
+    draws = rng.integers(draw_of.size, size=(_DRAWS, draw_of.size))
+    total = weights[draws].sum(axis=1)
+    closed = fraction_closed(
+        before[draws].sum(axis=1) / total, after[draws].sum(axis=1) / total, floor_deg
+    )
+    whole = float(
+        fraction_closed(before.sum() / weights.sum(), after.sum() / weights.sum(), floor_deg)
+    )
+    low, high = np.quantile(closed, [0.025, 0.975])
+    # Few trials: Student's t against the normal quantile that the bootstrap stands for.
+    wide = 1.0 + 2.0 / max(trials.size - 1, 1)
+    low = min(whole - wide * (whole - low), whole - _LEAST_HALF_WIDTH)
+    high = max(whole + wide * (high - whole), whole + _LEAST_HALF_WIDTH)
+    return Shrink(
+        held_out_on=held.text,
+        before_rmse_deg=rmse(evidence, curves["plain"], where),
+        after_rmse_deg=rmse(evidence, curves["explained"], where),
+        refit_only_rmse_deg=rmse(evidence, curves["refit"], where),
+        ceiling_rmse_deg=rmse(evidence, curves["ceiling"], where),
+        noise_floor_deg=floor_deg,
+        fraction_closed=whole,
+        ci95=(float(max(low, min(whole, -1.0))), float(high)),
+    )
+
+
+def _units(evidence: Evidence, where: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Tell for each sample what the bootstrap draws it with: its trial, or a piece of a lone one.
+
+    Elsewhere than in `where` it is -1.
+    """
+    unit = np.where(where, evidence.grid.sample_trial, -1)
+    trials = np.unique(unit[where])
+    if trials.size == 1:
+        rows = evidence.rows[int(trials[0])]
+        time = evidence.grid.time_s[rows]
+        share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-9)
+        unit[rows] = np.minimum((_PIECES * share).astype(np.int64), _PIECES - 1)
+    return unit
+
+
+def fraction_closed(before: Floats | float, after: Floats | float, floor_deg: float) -> Floats:
+    """Share of the gap that closes: 1 - (after - floor²) / (before - floor²), errors as squares."""
+    # Hardly a gap has no part that could be told, and no more than all of it closes.
+    gap = np.maximum(before - floor_deg**2, (_HARDLY * floor_deg) ** 2 + 1e-6)
+    return np.asarray(1.0 - np.maximum(after - floor_deg**2, 0.0) / gap)
+
+
+def _squares(evidence: Evidence, predicted_deg: Floats) -> Floats:
+    """Mean squared error of the single samples behind each averaged one."""
+    grid = evidence.grid
+    white = evidence.noise_deg**2 * (1.0 - 1.0 / grid.counts)
+    return np.asarray((grid.angle_deg - predicted_deg) ** 2 + white)

@@ -1,0 +1,132 @@
+"""A campaign with every explanation of it fitted and weighed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.errors import BadInput
+from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.data.floor import noise_floor
+from spa_fo.gap.data.hold_out import HeldOut, hold_out
+from spa_fo.gap.decide.verdict import Verdict
+from spa_fo.gap.decide.weigh import decide
+from spa_fo.gap.fit.bench import bench_for
+from spa_fo.gap.noise.bench_noise import Beyond
+from spa_fo.gap.noise.interference import NONE, fast_line
+from spa_fo.gap.search.drive import Drive, examine_drive
+from spa_fo.gap.search.drive_by_angle import joined
+from spa_fo.gap.search.explanations import Explanations, explain
+from spa_fo.plant import Model
+from spa_fo.plant.effects.library import LIBRARY, at_port
+from spa_fo.rig import CampaignData
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str], None]
+_IDENTIFIED = "sampling"  # a key that an identification writes to its model
+
+
+def silent(step: str) -> None:
+    """Keep to oneself what is being done."""
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A campaign with every explanation of it fitted and weighed.
+
+    Attributes
+    ----------
+    data : CampaignData
+        The campaign as the model sees it.
+    everything : Evidence
+        All its trials.
+    held : HeldOut
+        Trials that took no part.
+    given : (5,) array
+        Coefficients of the given model.
+    excluded : tuple of str
+        Effects that the library lacked.
+    drive : Drive or None
+        What the measured pressure says.
+    found : Explanations
+        Fits of the angle to the trials that took part.
+    verdict : Verdict
+        The answer, before it is held against the other trials.
+    floor_deg : float
+        The noise floor.
+    """
+
+    data: CampaignData
+    everything: Evidence
+    held: HeldOut
+    given: Floats
+    excluded: tuple[str, ...]
+    drive: Drive | None
+    found: Explanations
+    verdict: Verdict
+    floor_deg: float
+
+
+def examine(
+    data: CampaignData,
+    plain: Model,
+    excluded: Sequence[str],
+    rng: np.random.Generator,
+    progress: Progress = silent,
+    beyond: Beyond | None = None,
+) -> Examined:
+    """Fit and weigh every explanation; for the parameters see `diagnose`.
+
+    `rng` chooses the trials that are held out.
+    """
+    if plain.signal == "pressure":
+        data = _driven_by_pressure(data)
+    # The model's u, whatever the campaign's own would be.
+    campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
+    data = replace(data, campaign=campaign)
+    everything = collect(data)
+    excluded = tuple(excluded)
+    if everything.grid.command_kpa is None:
+        drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
+        excluded = (*excluded, *drives)
+    held = hold_out(everything, rng)
+    evidence = replace(everything, takes_part=~held.trials)
+    given = plain.transfer_function.as_array()
+    progress(f"explaining {evidence.takes_part.sum()} trials")
+    drive = None
+    if evidence.has_pressure:
+        drive = examine_drive(
+            evidence, excluded, given, None if beyond is None else beyond.pressure
+        )
+    own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
+    bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa, beyond)
+    floor = noise_floor(everything)
+    if not bench.noise.spectrum.repeats:
+        floor = bench.noise.floor_deg(everything.grid.angle_deg)
+    if beyond is not None:
+        floor = max(floor, beyond.angle_deg)
+    found = explain(bench, excluded)
+    if drive is not None:
+        before, drive = drive, joined(drive, found)
+        if drive.best.ids != before.best.ids:
+            found = explain(bench_for(evidence, given, own, drive.pressure_kpa, beyond), excluded)
+    progress(f"weighing {len(found.fits)} explanations")
+    line = at_port("line")
+    fast = NONE if line in excluded else fast_line(evidence)
+    drive_floor = None
+    if drive is not None and beyond is not None:
+        drive_floor = beyond.pressure_kpa * drive.per_kpa_deg
+    verdict = decide(found, drive, fast, evidence, floor, drive_floor)
+    return Examined(data, everything, held, given, excluded, drive, found, verdict, floor)
+
+
+def _driven_by_pressure(data: CampaignData) -> CampaignData:
+    """Leave the command out: the model takes the measured pressure for what drives it."""
+    if any(trial.pressure_kpa is None for trial in data.trials):
+        signal = "pressure"
+        raise BadInput(data.campaign.folder, f"expected a {signal} column: it drives the model")
+    trials = tuple(replace(trial, command_kpa=None) for trial in data.trials)
+    return replace(data, trials=trials)

@@ -1,0 +1,199 @@
+"""An explanation as a whole: a drive, an actuator, a sensor, a log; and the model it makes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.data.evidence import Evidence, angle_chain
+from spa_fo.gap.decide.verdict import Scored
+from spa_fo.gap.search.drive import DriveFit
+from spa_fo.gap.search.fitted import Fitted
+from spa_fo.plant import PARAMETERS, Model, TransferFunction
+from spa_fo.plant.chain import Mounting
+from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
+from spa_fo.plant.law import Law
+from spa_fo.plant.lawful import with_law
+
+Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
+
+_CARRIED = ("provenance", "sampling")  # keys of the plain model that hold of the augmented one too
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A set of effects with its fits.
+
+    Attributes
+    ----------
+    ids : tuple of str
+        All its effects, in the library's order; empty for none.
+    angle : Fitted
+        Of the angle.
+    drive : DriveFit or None
+        Of the pressure; None where the drive has no part of its own.
+    line : (float, float) or None
+        Frequency (Hz) and amplitude (deg) of an interference.
+    """
+
+    ids: Ids
+    angle: Fitted
+    drive: DriveFit | None
+    line: tuple[float, float] | None
+
+    @property
+    def x(self) -> Floats:
+        """Coefficients alpha2, alpha1, a1, a0, b0."""
+        return self.angle.x
+
+    def effects(self) -> Floats:
+        """Parameters of all effects that a simulation needs, NaN where absent."""
+        e = self.angle.effects.copy()
+        if self.drive is not None:
+            for name in self.drive.ids:
+                e[LIBRARY[name].slots] = self.drive.effects[LIBRARY[name].slots]
+        curve = at_port("curve", self.ids)
+        if curve:
+            e[LIBRARY[curve].slots] = self.angle.curve_deg
+        return e
+
+    def parameters(self, given: Floats, orders: NDArray[np.int64]) -> dict[str, dict[str, Any]]:
+        """Parameters of each effect by name, as model files hold them, within their bounds."""
+        e = self.effects()
+        values = {name: e[LIBRARY[name].slots].tolist() for name in self.ids}
+        zeros = at_port("zeros", self.ids)
+        if zeros:
+            by_trial = self.angle.zeros_deg
+            walk = float(np.polyfit(orders, by_trial, 1)[0]) if orders.size > 1 else 0.0
+            values[zeros] = [walk, float(by_trial[0])]
+        line = at_port("line", self.ids)
+        if line and self.line is not None:
+            values[line] = [self.line[1], self.line[0]]
+        found: dict[str, dict[str, Any]] = {
+            name: {
+                p.name: float(np.clip(value, p.low, p.high))
+                for p, value in zip(LIBRARY[name].parameters, own, strict=True)
+            }
+            for name, own in values.items()
+        }
+        shift = at_port("coefficients", self.ids)
+        if shift:
+            found[shift] = dict(zip(PARAMETERS, (self.x / given).tolist(), strict=True))
+        return found
+
+
+def angle_part(named: Ids, drive: DriveFit | None, fast: bool) -> Ids:
+    """Say which effects of a set the angle's fit holds; the others stand in drive and log."""
+    line = at_port("line", named) if fast else None
+    return tuple(
+        n for n in named if n != line and not (drive is not None and LIBRARY[n].stage == "drive")
+    )
+
+
+def explanation_of(scored: Scored, angle: Fitted, drive: DriveFit | None) -> Explanation:
+    """Put an explanation together from its fits.
+
+    Parameters
+    ----------
+    scored : Scored
+        What the explanation is.
+    angle : Fitted
+        The fit of its effects beyond the drive.
+    drive : DriveFit or None
+        The fit of its drive effects, or None.
+    """
+    line = None
+    if scored.fast is not None:
+        line = scored.fast.frequency_hz, scored.fast.amplitude_deg
+    elif angle.line is not None:
+        line = angle.line
+    return Explanation(ordered(scored.named), angle, drive, line)
+
+
+def simulate(
+    explanation: Explanation,
+    evidence: Evidence,
+    without: Ids = (),
+    given: Floats | None = None,
+    law: Law | None = None,
+) -> Floats:
+    """Angle (deg) at the averaged samples from the command, some effects left out.
+
+    Parameters
+    ----------
+    explanation : Explanation
+        What is at work.
+    evidence : Evidence
+        The campaign.
+    without : tuple of str
+        Its effects to leave out.
+    given : (5,) array, optional
+        Coefficients instead of the explanation's: those before a shift of the parameters.
+    law : Law, optional
+        A free-form law beside its effects.
+    """
+    e = explanation.effects()
+    for name in without:
+        e[LIBRARY[name].slots] = np.nan
+    x = explanation.x if given is None else given
+    zeros = at_port("zeros", explanation.ids)
+    e = _deterministic(e)
+    chain = angle_chain(evidence, x, None).mounted(mounting_of(evidence, e))
+    angle, _ = (chain if law is None else with_law(chain, law)).run(x, e)
+    if zeros and zeros not in without:
+        angle = angle + explanation.angle.zeros_deg[evidence.grid.sample_trial]
+    return angle
+
+
+def _deterministic(effects: Floats) -> Floats:
+    """Leave out what a simulation does not know: zeros of trials, and random phases."""
+    e = effects.copy()
+    for port in ("zeros", "line"):
+        name = at_port(port)
+        if name is not None:
+            e[LIBRARY[name].slots] = np.nan
+    return e
+
+
+def mounting_of(evidence: Evidence, effects: Floats) -> Mounting:
+    """How these effects leave the sensor after its first calibration."""
+    return Mounting() if evidence.fixture is None else evidence.fixture.simulate(effects)[1]
+
+
+def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) -> Model:
+    """Write an explanation as a model that `predict` runs.
+
+    Beside the contract's keys it holds ``sensor_seat``, how the first calibration left the sensor.
+    The campaign is that of the evidence; a memory is added by the caller.
+    """
+    orders = evidence.grid.orders
+    parameters = explanation.parameters(plain.transfer_function.as_array(), orders)
+    effects = []
+    for name in explanation.ids:
+        effect: dict[str, Any] = {
+            "id": name,
+            "stage": LIBRARY[name].stage,
+            "parameters": parameters[name],
+        }
+        if LIBRARY[name].port == "zeros":
+            zeros = explanation.angle.zeros_deg.tolist()
+            effect["zeros_deg"] = {str(o): z for o, z in zip(orders.tolist(), zeros, strict=True)}
+        effects.append(effect)
+    mounting = mounting_of(evidence, explanation.effects())
+    # Its coefficients are other ones: the uncertainty of the plain model's is not theirs.
+    extra: dict[str, Any] = {key: plain.extra[key] for key in _CARRIED if key in plain.extra}
+    if mounting.bias_deg.any() or mounting.film.any():
+        extra["sensor_seat"] = mounting.to_dict()
+    return Model(
+        campaign=evidence.data.campaign.name,
+        material=plain.material,
+        transfer_function=TransferFunction.from_array(explanation.x),
+        reference_kpa=plain.reference_kpa,
+        signal=plain.signal,
+        effects=tuple(effects),
+        extra=extra,
+    )

@@ -1,0 +1,303 @@
+"""From fitted explanations to probabilities, and from these to an answer, or to none.
+
+An explanation is right where it leaves a small share of the gap, and stands in for something else
+where it leaves more. With L(s) the evidence where it misses a share s,
+
+    right:    prior · max_s L(s)^T e^{-s/s_r} / Σ_s e^{-s/s_r},
+    unknown:  odds · one effect's prior · Σ_s L(s)^T / n,
+
+the first over all shares, those too small to matter counting as none; the second over those that
+matter: a set that stands in for one unknown effect is not judged by how many it holds. No gap is
+the plain model, or what repeats being too small to matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from spa_fo.gap.data.evidence import Evidence, modelled_pressure
+from spa_fo.gap.decide.verdict import Scored, Verdict, judge
+from spa_fo.gap.fit.bench import SHARES
+from spa_fo.gap.noise.interference import Line
+from spa_fo.gap.search.drive import Drive, DriveFit
+from spa_fo.gap.search.explanations import Explanations
+from spa_fo.gap.search.fitted import Fitted, price
+from spa_fo.gap.search.prior import log_prior
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
+
+Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
+
+_SHARES = np.array(SHARES)
+_BOTH = float(np.sqrt(2.0))  # what is missed anyway and a change as large add up to this
+
+
+def _stands_in() -> float:
+    return log_prior(tuple(LIBRARY)[:1])
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What the angle, or the pressure, says of one explanation."""
+
+    named: Ids
+    right: float
+    unknown: Floats
+    fit: Fitted | DriveFit
+    moved_deg: Mapping[str, float]
+    left_deg: float
+
+
+def _weighed(
+    ids: Ids, logs: Floats, gap_deg: float, floor_deg: float, repeats: bool = True
+) -> tuple[float, Floats]:
+    """Weigh an explanation as right, and as standing in for something else, by share.
+
+    Without repeats what is left cannot be told from coloured noise, and speaks for nothing.
+    """
+    s = SETTINGS
+    small = (_SHARES * gap_deg < s.left * floor_deg) | (not repeats)
+    penalty = np.where(small, 0.0, _SHARES / s.right_share)
+    scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
+    right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
+    unknown = s.temper * logs + _stands_in() + np.log(s.unknown / _SHARES.size)
+    return right, np.where(small, -np.inf, unknown)
+
+
+def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
+    s, gap_deg = SETTINGS, found.bench.gap_deg
+    repeats = found.bench.noise.spectrum.repeats > 0
+    weight = found.bench.evidence.grid.counts
+    parts = []
+
+    def apart(one: Fitted, other: Ids) -> float:
+        if other not in found.fits or at_port("line", one.ids) != at_port("line", other):
+            return float("inf")
+        change = one.shared_deg - found.fits[other].shared_deg
+        return float(np.sqrt(np.average(change**2, weights=weight)))
+
+    for ids, f in found.fits.items():
+        if not np.isfinite(f.logs).all():
+            continue
+        if set(ids) & set(found.excluded):
+            beyond = s.temper * float(f.logs.max()) + _stands_in()
+            parts.append(_Part(ids, -np.inf, np.array([beyond]), f, {}, 0.0))
+            continue
+        named = _that_move(f.moved_deg, floor_deg)
+        if len(ids) > 1:
+            least = max(s.needed * floor_deg, s.needed_of_all * min(apart(f, ()), 1e6))
+            named = tuple(n for n in named if apart(f, tuple(m for m in ids if m != n)) >= least)
+        if ids and not named:
+            continue  # what it is worth is worth as much without it
+        logs = f.logs - price(f)
+        right, unknown = _weighed(ids, logs, gap_deg, floor_deg, repeats)
+        left = float(_SHARES[int(np.argmax(logs))]) * gap_deg
+        if f.trend_deg > s.no_gap * floor_deg:
+            # What goes with the trials' order is structure that is left, too.
+            beside = s.temper * (float(logs.max()) + f.trend_nats) + _stands_in()
+            unknown = np.append(unknown, beside + np.log(s.unknown * s.trend))
+            left = float(np.hypot(left, f.trend_deg))
+        moved = {n: f.moved_deg[n] for n in named}
+        parts.append(_Part(named, right, unknown, f, moved, left))
+    return parts
+
+
+def _of_drive(drive: Drive | None, evidence: Evidence, floor_deg: float) -> list[_Part]:
+    if drive is None:
+        return []
+    gap_deg, per_kpa_deg = drive.gap_deg, drive.per_kpa_deg
+    s, parts = SETTINGS, []
+
+    def apart(one: DriveFit, other: Floats) -> float:
+        return per_kpa_deg * float(np.sqrt(np.mean((one.predicted_kpa - other) ** 2)))
+
+    for ids, f in drive.fits.items():
+        moved = {}
+        for name in ids:
+            less = f.effects.copy()
+            less[LIBRARY[name].slots] = np.nan
+            cells = modelled_pressure(evidence, less)
+            grid = evidence.grid
+            moved[name] = apart(f, grid.sampled(cells))
+        named = _that_move(moved, floor_deg)
+        if len(ids) > 1:
+            least = max(s.needed * floor_deg, s.needed_of_all * gap_deg)
+            others = {n: tuple(m for m in ids if m != n) for n in ids}
+            named = tuple(
+                n for n in named if apart(f, drive.fits[others[n]].predicted_kpa) >= least
+            )
+        if ids and not named:
+            continue
+        right, unknown = _weighed(ids, f.evidence, gap_deg, floor_deg)
+        left = float(_SHARES[int(np.argmax(f.evidence))]) * gap_deg
+        parts.append(_Part(named, right, unknown, f, {n: moved[n] for n in named}, left))
+    return parts
+
+
+def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
+    s = SETTINGS
+    least = max(s.moves * floor_deg, s.moves_of_largest * max(moved.values(), default=0.0))
+    return tuple(n for n in moved if moved[n] >= least)
+
+
+def _normalised(
+    parts: Sequence[_Part], gap_deg: float, floor_deg: float
+) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
+    """Probabilities of what is named, the best part of each, and the probability of `unknown`."""
+    if not parts:
+        return {(): 1.0}, {}, 0.0
+    negligible = _SHARES * gap_deg < SETTINGS.no_gap * floor_deg
+    scores: dict[Ids, float] = {}
+    best: dict[Ids, _Part] = {}
+    unknown = []
+    for part in parts:
+        right, stands_in = part.right, part.unknown
+        if not part.named:
+            # What repeats may be too small to be a gap.
+            small = np.append(negligible, np.zeros(stands_in.size - negligible.size, dtype=bool))
+            right = float(logsumexp([right, *stands_in[small]]))
+            stands_in = np.where(small, -np.inf, stands_in)
+        unknown.append(float(logsumexp(stands_in)))
+        if not np.isfinite(right):
+            continue  # the library lacks it
+        if part.named not in best or part.right > best[part.named].right:
+            best[part.named] = part
+        scores[part.named] = float(np.logaddexp(scores.get(part.named, -np.inf), right))
+    # What stands in for an unknown effect is no hypothesis of its own: the best is enough.
+    all_logs = np.array([*scores.values(), max(unknown)])
+    weights = np.exp(all_logs - all_logs.max())
+    weights /= weights.sum()
+    return dict(zip(scores, weights.tolist(), strict=False)), best, float(weights[-1])
+
+
+def decide(
+    found: Explanations,
+    drive: Drive | None,
+    fast: Line,
+    evidence: Evidence,
+    floor_deg: float,
+    drive_floor_deg: float | None = None,
+) -> Verdict:
+    """Decide.
+
+    Parameters
+    ----------
+    found : Explanations
+        Fits of the angle.
+    drive : Drive or None
+        What the measured pressure says.
+    fast : Line
+        An interference that only single samples show.
+    evidence : Evidence
+        The campaign.
+    floor_deg : float
+        The noise floor.
+    drive_floor_deg : float, optional
+        By how much the angle moves with what is to be expected of the pressure, where that is
+        known; else the noise floor counts for the drive, too.
+    """
+    least_deg = SETTINGS.moves * floor_deg
+    if drive_floor_deg is None:
+        drive_floor_deg = floor_deg
+    else:
+        least_deg = _BOTH * drive_floor_deg
+    angle, of_angle, unknown_angle = _normalised(
+        _of_angle(found, floor_deg), found.bench.gap_deg, floor_deg
+    )
+    pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, drive_floor_deg, least_deg)
+    lined = _of_line(fast, found, floor_deg)
+    certain = (1.0 - unknown_angle) * (1.0 - unknown_drive)
+    joint: dict[Ids, float] = {}
+    made: dict[Ids, tuple[float, Scored]] = {}
+    total = sum(angle.values()) * sum(pressed.values())
+    for a, x in angle.items():
+        for d, y in pressed.items():
+            for line, z in lined.items():
+                named = ordered((*a, *d, *line))
+                p = certain * x * y * z / total
+                joint[named] = joint.get(named, 0.0) + p
+                if named not in made or p > made[named][0]:
+                    one = _scored(named, of_angle[a], of_drive.get(d), fast if line else None)
+                    made[named] = p, one
+    scored = sorted(
+        (Scored(**{**vars(one), "probability": joint[named]}) for named, (_, one) in made.items()),
+        key=lambda s: -s.probability,
+    )
+    unknown = 1.0 - certain
+    share = unknown_drive / max(unknown_drive + unknown_angle, 1e-12)
+    return judge(scored, unknown, share)
+
+
+def decide_drive(
+    drive: Drive, evidence: Evidence, floor_kpa: float
+) -> tuple[dict[Ids, float], dict[Ids, DriveFit], float]:
+    """Weigh what the measured pressure says where no angle was logged.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its `gap_deg` is in kPa.
+    evidence : Evidence
+        The campaign.
+    floor_kpa : float
+        What is to be expected of the pressure.
+
+    Returns
+    -------
+    tuple
+        Probabilities of what is named, nothing among it; the best fit of each; the probability
+        that the cause is unknown.
+    """
+    pressed, parts, unknown = _weighed_drive(drive, evidence, floor_kpa, _BOTH * floor_kpa)
+    fits = {name: part.fit for name, part in parts.items() if isinstance(part.fit, DriveFit)}
+    return pressed, fits, unknown
+
+
+def _weighed_drive(
+    drive: Drive | None, evidence: Evidence, floor_deg: float, least_deg: float
+) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
+    """Weigh the explanations of the pressure; a gap below `least_deg` is none."""
+    gap_deg = 0.0 if drive is None else drive.gap_deg
+    parts = _of_drive(drive, evidence, floor_deg)
+    if gap_deg < least_deg:
+        parts = [p for p in parts if not p.named]
+        parts = [_Part((), p.right, np.full(_SHARES.size, -np.inf), *_rest(p)) for p in parts]
+    return _normalised(parts, gap_deg, floor_deg)
+
+
+def _rest(part: _Part) -> tuple[Fitted | DriveFit, Mapping[str, float], float]:
+    return part.fit, part.moved_deg, part.left_deg
+
+
+def _scored(named: Ids, angle: _Part, drive: _Part | None, fast: Line | None) -> Scored:
+    moved = {**angle.moved_deg, **({} if drive is None else drive.moved_deg)}
+    if fast is not None:
+        line = at_port("line")
+        assert line is not None
+        moved[line] = fast.amplitude_deg / float(np.sqrt(2.0))
+    assert isinstance(angle.fit, Fitted)
+    pressure = None
+    if drive is not None:
+        assert isinstance(drive.fit, DriveFit)
+        pressure = drive.fit
+    left = angle.left_deg if drive is None else float(np.hypot(angle.left_deg, drive.left_deg))
+    return Scored(named, 0.0, angle.fit, pressure, fast, moved, left)
+
+
+def _of_line(fast: Line, found: Explanations, floor_deg: float) -> dict[Ids, float]:
+    """Probabilities that a fast interference is there, and that it is not."""
+    rms = fast.amplitude_deg / float(np.sqrt(2.0))
+    # The floor holds the interference too.
+    quiet = float(np.sqrt(max(floor_deg**2 - rms**2, (0.1 * floor_deg) ** 2)))
+    name = at_port("line")
+    if name is None or fast.gain <= 0.0 or rms < SETTINGS.moves * quiet:
+        return {(): 1.0}
+    log_odds = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
+    there = float(1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))))
+    return {(): 1.0 - there, (name,): there}

@@ -1,0 +1,1 @@
+"""One explanation as a least-squares problem, and its solution."""

@@ -1,0 +1,286 @@
+"""The angles of a campaign and one explanation of them, as a least-squares problem.
+
+The simulation holds the explanation's effects; the nuisances are the sensor curve's error, the
+calibration dwells', the log's lateness, and every trial's own gain, rest angle and time scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.data.evidence import curve_columns
+from spa_fo.gap.data.searched import (
+    HIGHEST,
+    LN_GAIN,
+    LOWEST,
+    Slot,
+    at_rate,
+    to_x,
+    wave,
+)
+from spa_fo.gap.fit.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
+from spa_fo.gap.fit.least_squares import Explained
+from spa_fo.gap.noise.whitening import Factor
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.chain import Mounting
+from spa_fo.plant.effects.library import LIBRARY, absent, at_port
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_SLOPE_STEP = 1e-4
+_SCALE_STEP = 2e-3
+
+
+@dataclass(frozen=True)
+class _Base:
+    z: Floats
+    effects: Floats
+    angle_deg: Floats
+    in_fixture: tuple[Floats, Mounting]
+    slopes: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
+
+
+def _same(one: Floats, other: Floats, slots: Integers) -> bool:
+    return np.array_equal(one[slots], other[slots], equal_nan=True)
+
+
+class AngleProblem(Explained):
+    """An explanation of a campaign.
+
+    Parameters
+    ----------
+    bench : Bench
+        The campaign.
+    ids : sequence of str
+        Effects of the explanation.
+    changed : bool
+        Whether an unknown sensor curve is that of later calibrations too, not the mounting's alone.
+    """
+
+    def __init__(
+        self, bench: Bench, ids: Sequence[str], changed: bool = False, trend: bool = False
+    ) -> None:
+        self.changed, self.trend = changed, trend
+        self.line = bench.line if at_port("line", ids) else None
+        self.bench = bench
+        self.ids = tuple(ids)
+        evidence = bench.evidence
+        self.evidence, self.chain = evidence, bench.chain
+        self.rows = bench.whitening.rows
+        slots = [
+            Slot(parameter, LIBRARY[name].first + k)
+            for name in ids
+            if LIBRARY[name].port == "chain"
+            for k, parameter in enumerate(LIBRARY[name].parameters)
+        ]
+        shifted = at_port("coefficients", ids) is not None
+        super().__init__(
+            slots,
+            bench.centre,
+            bench.shifted if shifted else bench.spread,
+            LOWEST,
+            HIGHEST,
+            bench.scales,
+        )
+        self.film_slots = LIBRARY.slots(lambda e: e.in_fixture)
+        self.angle_slots = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
+        self._base: _Base | None = None
+        self._lay()
+
+    # --- the nuisances' columns ------------------------------------------------------------------
+
+    def _lay(self) -> None:
+        evidence = self.evidence
+        self.trials = np.unique(np.concatenate([g.trial for g in self.rows.groups]))
+        knots = evidence.curve_sigma_deg.size
+        fixture = evidence.fixture
+        self.curve = np.arange(knots)
+        self.late = knots
+        at = knots + 1
+        dwells = 0 if fixture is None else int(fixture.dwell.max()) + 1
+        self.dwells = at + np.arange(dwells)
+        at += dwells
+        slips = at_port("zeros", self.ids)
+        self.walk = at + np.arange(1 if slips else 0)
+        at += self.walk.size
+        every = len(evidence.grid.trials)
+        self.steps = at + np.arange(every if slips else 0)
+        at += self.steps.size
+        self.own = at + np.arange(3 * self.trials.size).reshape(-1, 3)
+        at += self.own.size
+        self.waves = at + np.arange(2 * self.trials.size if self.line else 0).reshape(-1, 2)
+        at += self.waves.size
+        self.trends = at + np.arange(4 if self.trend else 0)
+        at += self.trends.size
+        self.size = at
+        group, variance = np.full(at, -1), np.ones(at)
+        group[self.own] = [GAIN, REST, TIME_SCALE]
+        group[self.dwells] = DWELL
+        group[self.steps] = SLIP
+        group[self.waves] = LINE
+        variance[self.curve] = evidence.curve_sigma_deg**2
+        curve = at_port("curve", self.ids)
+        if curve:
+            variance[self.curve] += np.square([q.spread for q in LIBRARY[curve].parameters])
+        if self.trend:
+            gain, rest = self.bench.scales[[GAIN, REST]]
+            variance[self.trends] = np.square([3.0 * gain, 3.0 * gain, 3.0 * rest, 3.0 * rest])
+        variance[self.late] = SETTINGS.angle_late_s**2
+        if slips:
+            variance[self.walk] = LIBRARY[slips].parameters[0].spread ** 2
+        self.group, self.variance = group, variance
+
+    def columns(self, z: Floats) -> Floats:
+        """Columns of the nuisances about a point, (rows, size)."""
+        evidence, grid, rows = self.evidence, self.evidence.grid, self.rows
+        base = self._about(z)
+        y, _ = self.predict(z)
+        gain, _ = self._slope(z, LN_GAIN)
+        _, mounting = base.in_fixture
+        quick, _ = self.chain.mounted(mounting).run(
+            at_rate(to_x(z[:5]), 1.0 + _SCALE_STEP), base.effects
+        )
+        scale = (quick - y) / _SCALE_STEP
+        fixture = evidence.fixture
+        tied = np.zeros((y.size, 0))
+        if fixture is not None:
+            tied = fixture.misread(y)
+        moving = rows.merged(
+            np.column_stack([curve_columns(y), -grid.slopes(y), tied, gain, scale])
+        )
+        knots, n = self.curve.size, rows.size
+        f = 0 if fixture is None else fixture.deviation_deg.size
+        d = evidence.drift_deg.size
+        out = np.zeros((n + f + d, self.size))
+        out[:n, : knots + 1] = moving[:, : knots + 1]
+        out[:n, self.dwells] = moving[:, knots + 1 : knots + 1 + self.dwells.size]
+        orders = grid.orders
+        for g in rows.groups:
+            here = np.arange(g.rows.start, g.rows.stop)
+            which = np.searchsorted(self.trials, g.trial)
+            out[here, self.own[which, 0]] = moving[g.rows, -2]
+            out[here, self.own[which, 1]] = 1.0
+            out[here, self.own[which, 2]] = moving[g.rows, -1]
+            if self.trend:
+                place = (g.trial + 0.5) / len(grid.trials)
+                late, early = place - 0.5, np.exp(-6.0 * place)
+                out[here, self.trends[0]] = late * moving[g.rows, -2]
+                out[here, self.trends[1]] = early * moving[g.rows, -2]
+                out[here, self.trends[2]] = late
+                out[here, self.trends[3]] = early
+            if self.walk.size:
+                out[here, self.walk[0]] = orders[g.trial] - 1.0
+                out[here[:, None], self.steps[None, :]] = (
+                    np.arange(self.steps.size)[None, :] <= g.trial[:, None]
+                )
+            if self.line:
+                phased = wave(self.line, g.time_s)
+                phased *= np.sinc(self.line * g.width_s)[:, None]
+                out[here, self.waves[which, 0]] = phased[:, 0]
+                out[here, self.waves[which, 1]] = phased[:, 1]
+        if fixture is not None:
+            out[n : n + f, self.dwells] = fixture.average @ fixture.of_dwell
+        if d:
+            assert fixture is not None
+            out[n + f :, self.dwells] = fixture.drifted
+            if self.changed:
+                out[n + f :, self.curve] = curve_columns(evidence.drift_angle_deg)
+            if self.walk.size:
+                after = evidence.drift_after
+                out[n + f :, self.walk[0]] = np.append(0.0, orders)[after]
+                out[n + f :, self.steps] = np.arange(self.steps.size)[None, :] < after[:, None]
+        return out
+
+    # --- prediction ------------------------------------------------------------------------------
+
+    def effects(self, z: Floats) -> Floats:
+        """Parameters of all effects."""
+        e = absent()
+        for slot, value in zip(self.slots, z[5:], strict=True):
+            e[slot.place] = slot.value(value)
+        return e
+
+    def predict(self, z: Floats) -> tuple[Floats, Floats]:
+        """Angles at the grid's samples, and readings in the fixture."""
+        e, base = self.effects(z), self._base
+        if base is not None and _same(e, base.effects, self.film_slots):
+            deviation, mounting = base.in_fixture
+        else:
+            deviation, mounting = self._in_fixture(e)
+        chain = self.chain.mounted(mounting)
+        if (
+            base is not None
+            and np.array_equal(z[:5], base.z[:5])
+            and _same(e, base.effects, self.angle_slots)
+        ):
+            angle = base.angle_deg
+        else:
+            angle, _ = chain.angles(to_x(z), e)
+        return chain.observed(chain.read(angle, e, chain.memory.film.copy()), e), deviation
+
+    def _in_fixture(self, effects: Floats) -> tuple[Floats, Mounting]:
+        fixture = self.evidence.fixture
+        return (np.zeros(0), Mounting()) if fixture is None else fixture.simulate(effects)
+
+    def _about(self, z: Floats) -> _Base:
+        if self._base is None or not np.array_equal(z, self._base.z):
+            e = self.effects(z)
+            self._base = _Base(z.copy(), e, self.chain.angles(to_x(z), e)[0], self._in_fixture(e))
+        return self._base
+
+    def _slope(self, z: Floats, k: int) -> tuple[Floats, Floats]:
+        known = self._about(z).slopes
+        if k not in known:
+            step = _SLOPE_STEP if k < 5 else self.slope_step(z, k)
+            moved = z.copy()
+            moved[k] += step
+            here, there = self.predict(z), self.predict(moved)
+            known[k] = (there[0] - here[0]) / step, (there[1] - here[1]) / step
+        return known[k]
+
+    def left(self, z: Floats) -> Floats:
+        """Measured less predicted, at the rows, in the fixture, and of later calibrations."""
+        y, fixed = self.predict(z)
+        evidence = self.evidence
+        parts = [self.rows.merged(evidence.grid.angle_deg - y)]
+        if evidence.fixture is not None:
+            parts.append(evidence.fixture.deviation_deg - fixed)
+        parts.append(evidence.drift_deg)
+        return np.concatenate(parts)
+
+    def slopes(self, z: Floats) -> Floats:
+        """Slopes of the prediction over the searched parameters, (rows, parameters)."""
+        self._about(z)
+        pairs = [self._slope(z, k) for k in range(self.parameters)]
+        angle = self.rows.merged(np.column_stack([pair[0] for pair in pairs]))
+        fixed = np.column_stack([pair[1] for pair in pairs])
+        none = np.zeros((self.evidence.drift_deg.size, self.parameters))
+        return np.vstack([angle, fixed, none])
+
+    # --- whitening -------------------------------------------------------------------------------
+
+    def white(self, factor: Factor, values: Floats) -> Floats:
+        """Whiten what stands at all rows."""
+        n = self.rows.size
+        sigma = np.concatenate(
+            [
+                np.zeros(0) if self.evidence.fixture is None else self.evidence.fixture.sigma_deg,
+                self.evidence.drift_sigma_deg,
+            ]
+        )
+        rest = (values[n:].T / sigma).T
+        return np.concatenate([self.bench.whitening.white(factor, values[:n]), rest])
+
+
+def starts(problem: AngleProblem, coefficients: Floats) -> list[Floats]:
+    """List starting points: each effect's own, on these searched coefficients."""
+    points = [coefficients[:5]]
+    for slot in problem.slots:
+        every = slot.parameter.starts
+        points = [np.append(point, slot.searched(v)) for point in points for v in every]
+    return points

@@ -1,0 +1,1 @@
+"""Free-form laws: where the missing effect sits, and what it looks like."""

@@ -1,0 +1,1 @@
+"""What to do next: the experiment that tells apart what still stands."""

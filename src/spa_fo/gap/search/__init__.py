@@ -1,0 +1,1 @@
+"""Which explanations are worth a fit, and what each is worth."""

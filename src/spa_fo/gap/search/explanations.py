@@ -1,0 +1,261 @@
+"""Which explanations of the angle are worth a fit: screened, fitted, weighed.
+
+Every effect is weighed first by a score test beside a fitted explanation: the change that it makes,
+whitened, cleared of what nuisances and parameters may take, against what is left. Only the best are
+fitted; so are pairs, of what shows beside the best single effects, and a third effect where the
+best pair is worth it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
+from spa_fo.gap.fit.problem import AngleProblem, starts
+from spa_fo.gap.noise.interference import NONE, Line, slow_line
+from spa_fo.gap.search.fitted import LINE_SEARCH, Fitted, fit, weighed, without_others
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.gap.together import each
+from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
+
+Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
+
+_SINGLES, _HOSTS, _BESIDE = 8, 3, 3  # fitted alone; that get others beside them; so many others
+_BEST_STARTS = 2
+_FARTHEST = 4.0  # times the size that an effect is screened with
+_WORTH_WEIGHING = 60.0  # nats behind the best
+
+
+@dataclass(frozen=True)
+class Explanations:
+    """All fits of the angle, and the interference that was found.
+
+    Attributes
+    ----------
+    bench : Bench
+        What was fitted.
+    fits : dict
+        By effects.
+    line : Line
+        Of the averaged samples.
+    excluded : tuple of str
+        Effects that the library was to lack. The plain model identified again is fitted all the
+        same: what it does better is then unknown.
+    """
+
+    bench: Bench
+    fits: dict[Ids, Fitted]
+    line: Line
+    excluded: Ids = ()
+
+    @property
+    def plain(self) -> Fitted:
+        """The plain model."""
+        return self.fits[()]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a score test shows of an effect from one start: nats, and the point it begins at."""
+
+    name: str
+    gain: float
+    z: Floats
+
+
+def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
+    """Weigh effects beside a fitted explanation by a score test, best first.
+
+    Parameters
+    ----------
+    bench : Bench
+        The campaign.
+    base : Fitted
+        The explanation.
+    names : sequence of str
+        Effects; those of the explanation are left out.
+    """
+    problem = AngleProblem(bench, base.ids, base.changed)
+    factor = bench.whitening.factor(1.0, SETTINGS.search_share)
+    linear = problem.linear(base.z)
+    own = problem.white(factor, np.hstack([linear.columns, linear.slopes @ problem.root]))
+    left = problem.white(factor, linear.left)
+    precision = np.append(1.0 / problem.spread(base.variances), np.ones(problem.parameters))
+    matrix = own.T @ own
+    matrix[np.diag_indices_from(matrix)] += precision
+    root = np.linalg.cholesky(matrix)
+    half = solve_triangular(root, own.T, lower=True)
+    away = solve_triangular(problem.root, problem.centre - base.z, lower=True)
+    pull = np.append(np.zeros(precision.size - away.size), away)
+    taken = half @ left + solve_triangular(root, pull, lower=True)
+    y, fixed = problem.predict(base.z)
+    drifts = np.zeros(bench.evidence.drift_deg.size)
+    shown = []
+    for name in names:
+        if name in base.ids:
+            continue
+        wide = AngleProblem(bench, ordered((*base.ids, name)), base.changed)
+        slots = LIBRARY[name].slots
+        mine = np.array([slots.start <= slot.place < slots.stop for slot in wide.slots])
+        signed = LIBRARY[name].parameters[0].low < 0.0
+        for point in starts(AngleProblem(bench, (name,)), base.z[:5]):
+            z = np.empty(wide.parameters)
+            z[:5], z[5:][~mine], z[5:][mine] = base.z[:5], base.z[5:], point[5:]
+            there, fixed_there = wide.predict(z)
+            change = np.concatenate([problem.rows.merged(there - y), fixed_there - fixed, drifts])
+            column = problem.white(factor, change)
+            shadow = half @ column
+            seen = float(column @ column - shadow @ shadow) + 1.0
+            score = float(column @ left - shadow @ taken)
+            size = float(np.clip(score / seen, -_FARTHEST if signed else 0.0, _FARTHEST))
+            shown.append(Shown(name, size * score - 0.5 * size**2 * seen, z))
+    return sorted(shown, key=lambda s: -s.gain)
+
+
+def _points(shown: Sequence[Shown], name: str) -> list[Floats]:
+    return [s.z for s in shown if s.name == name][:_BEST_STARTS]
+
+
+def _first(shown: Sequence[Shown], count: int) -> list[str]:
+    return list(dict.fromkeys(s.name for s in shown))[:count]
+
+
+def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
+    """Fit every explanation that may win.
+
+    Parameters
+    ----------
+    bench : Bench
+        The campaign; how large its gap is need not be known.
+    excluded : sequence of str
+        Effects that the library is to lack.
+    """
+    bench = _gap_known(bench)
+    plain = fit(bench, (), bench.starts)
+    linear, chained = _to_try(bench, excluded)
+    again = at_port("coefficients", excluded)
+    shown = screen(bench, plain, chained)
+    alone = [((n,), [plain.z]) for n in linear]
+    alone += [((n,), _points(shown, n)) for n in _first(shown, _SINGLES)]
+    if again is not None and not bench.own:
+        alone.append(((again,), [plain.z]))
+    fits = {(): plain} | {f.ids: f for f in each(lambda a: fit(bench, a[0], a[1], plain), alone)}
+    allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
+    hosts = sorted(allowed, key=lambda f: -f.quick)[:_HOSTS]
+    pairs = _beside(bench, hosts, chained, linear, plain)
+    fits |= pairs
+    top = max(pairs.values(), key=lambda f: f.quick, default=plain)
+    if hosts and SETTINGS.temper * (top.quick - hosts[0].quick) > further_price():
+        fits |= _three(bench, top, chained, linear, fits, plain)
+    bench, fits, line = _with_line(bench, fits, excluded)
+    best = max(f.quick for f in fits.values())
+    near = [f for f in fits.values() if f.quick > best - _WORTH_WEIGHING or not f.ids]
+    for f in each(lambda f: weighed(bench, f), near):
+        fits[f.ids] = f
+    return Explanations(bench, fits, line, tuple(excluded))
+
+
+def _beside(
+    bench: Bench,
+    hosts: Sequence[Fitted],
+    chained: Sequence[str],
+    linear: Sequence[str],
+    plain: Fitted,
+) -> dict[Ids, Fitted]:
+    """Fit one effect more beside each host: those that a score test shows, and the linear ones."""
+    more: dict[Ids, list[Floats]] = {}
+    shown = each(lambda host: screen(bench, host, chained), hosts)
+    for host, seen in zip(hosts, shown, strict=True):
+        for name in _first(seen, _BESIDE):
+            more.setdefault(ordered((*host.ids, name)), _points(seen, name)[:1])
+        for name in linear:
+            if name not in host.ids:
+                more.setdefault(ordered((*host.ids, name)), [host.z])
+    fitted = each(lambda a: fit(bench, a[0], a[1], plain), list(more.items()))
+    return {f.ids: f for f in fitted}
+
+
+def _three(
+    bench: Bench,
+    pair: Fitted,
+    chained: Sequence[str],
+    linear: Sequence[str],
+    fits: dict[Ids, Fitted],
+    plain: Fitted,
+) -> dict[Ids, Fitted]:
+    """Fit a third effect beside a pair, and the other pairs of what does best."""
+    found = _beside(bench, [pair], chained, linear, plain)
+    best = max(found.values(), key=lambda f: f.quick, default=pair)
+    if SETTINGS.temper * (best.quick - pair.quick) > further_price():
+        fewer = [tuple(n for n in best.ids if n != name) for name in best.ids]
+        missing = [ids for ids in fewer if ids not in fits]
+        again = each(lambda ids: fit(bench, ids, [without_others(best, ids)], plain), missing)
+        found |= {f.ids: f for f in again}
+    return found
+
+
+def further_price() -> float:
+    """Say what one effect more costs a set beforehand, nats."""
+    return float(np.log(SETTINGS.single * len(LIBRARY) / SETTINGS.pair))
+
+
+def _gap_known(bench: Bench) -> Bench:
+    """Say how large the gap is, and factor what all searches need."""
+    y = plain_deg(bench)
+    if bench.own:
+        y = fit(bench, (), bench.starts, share=0.0).predicted_deg
+    bench = bench.with_gap(bench.evidence.grid.angle_deg - y, y)
+    for share in (SETTINGS.search_share, *SHARES):
+        bench.whitening.factor(1.0, share)
+    return bench
+
+
+def _to_try(bench: Bench, excluded: Sequence[str]) -> tuple[list[str], list[str]]:
+    """List the effects that are columns or covariances, and those that are simulated."""
+    linear, chained = [], []
+    for name in LIBRARY:
+        effect = LIBRARY[name]
+        known = effect.stage == "drive" and bench.chain.is_pressure
+        if name in excluded or known or effect.port == "line":
+            continue
+        if effect.port == "chain":
+            chained.append(name)
+        elif not (effect.port == "coefficients" and bench.own):
+            linear.append(name)
+    return linear, chained
+
+
+def _with_line(
+    bench: Bench, fits: dict[Ids, Fitted], excluded: Sequence[str]
+) -> tuple[Bench, dict[Ids, Fitted], Line]:
+    """Look for an interference beside the best explanation, and fit it beside others."""
+    name = at_port("line")
+    if name is None or name in excluded:
+        return bench, fits, NONE
+    allowed = [f for f in fits.values() if not set(f.ids) & set(excluded)]
+    best = weighed(bench, max(allowed, key=lambda f: f.quick))
+    share = SHARES[int(np.argmax(best.logs))]
+    problem = AngleProblem(bench, best.ids, best.changed)
+    factor = bench.whitening.factor(best.level, min(share, SHARES[3]))
+    linear, n = problem.linear(best.z), problem.rows.size
+    white = bench.whitening.white(factor, np.hstack([linear.columns[:n], linear.slopes[:n]]))
+    left = bench.whitening.white(factor, linear.left[:n])
+    line = slow_line(problem.rows, bench.whitening, factor, left, np.linalg.qr(white)[0].T)
+    if line.gain < SETTINGS.line_nats:
+        return bench, fits, NONE
+    scales = bench.scales.copy()
+    scales[LINE] = line.amplitude_deg / np.sqrt(2.0)
+    bench = replace(bench, line=line.frequency_hz, scales=scales)
+    hosts = [f for f in allowed if len(f.ids) < 2 or f.ids == best.ids]
+    waved = each(
+        lambda f: fit(bench, ordered((*f.ids, name)), [f.z], fits[()]),
+        hosts,
+    )
+    more = {f.ids: replace(f, quick=f.quick - LINE_SEARCH) for f in waved}
+    return bench, fits | more, line

@@ -1,0 +1,273 @@
+"""The fit of one explanation to the angles, and what it is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.data.evidence import curve_columns
+from spa_fo.gap.data.searched import to_x
+from spa_fo.gap.fit.bench import LEVELS, LINE, SHARES, Bench, level_prior
+from spa_fo.gap.fit.problem import AngleProblem
+from spa_fo.gap.noise.whitening import Factor
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import LIBRARY, at_port
+
+Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
+
+_ROUGH, _ROUGH_TRIED = 0.5, 12  # nats and points of a search that only ranks starts
+_FIRST, _ENOUGH, _MOST_TRIED = 0.1, 0.01, 40
+LINE_SEARCH = np.log(400.0)  # price of a search over frequencies and amplitudes
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """An explanation fitted to the angles.
+
+    Attributes
+    ----------
+    ids : tuple of str
+        Its effects.
+    changed : bool
+        Whether an unknown sensor curve was taken for that of later calibrations too.
+    z : array
+        Searched coefficients and parameters.
+    effects : array
+        Parameters of all effects that are simulated, NaN where absent.
+    predicted_deg, shared_deg : (n,) arrays
+        At the grid's samples: of the simulation, and with the curve's error and the zeros.
+    curve_deg : (knots,) array
+        Error of the sensor's curve, and its own errors, 1 sigma.
+    curve_sigma_deg : (knots,) array
+        Its error, 1 sigma.
+    zeros_deg : (trials,) array
+        Zero of the sensor by trial.
+    variances : (groups,) array
+        Of the nuisances.
+    covariance : array
+        Of `z`.
+    moved_deg : dict
+        RMS by which each effect moves the angle.
+    logs : dict
+        Log evidence by share that is missed, at the best level of the noise.
+    level : float
+        That level.
+    quick : float
+        Log evidence at the level and share of the search.
+    decrement, tried, rejected : float, int, int
+        What the last search left, and the points that it took.
+    line : (float, float) or None
+        Frequency (Hz) and amplitude (deg) of an interference.
+    trend_nats, trend_deg : float
+        Log evidence for gain and rest angle that go with the trials' order beside the explanation,
+        and their RMS.
+    """
+
+    ids: Ids
+    changed: bool
+    z: Floats
+    effects: Floats
+    predicted_deg: Floats
+    shared_deg: Floats
+    curve_deg: Floats
+    curve_sigma_deg: Floats
+    zeros_deg: Floats
+    variances: Floats
+    covariance: Floats
+    moved_deg: dict[str, float]
+    logs: Floats
+    level: float
+    quick: float
+    decrement: float
+    tried: int
+    rejected: int
+
+    line: tuple[float, float] | None = None
+    trend_nats: float = 0.0
+    trend_deg: float = 0.0
+
+    @property
+    def x(self) -> Floats:
+        """Coefficients alpha2, alpha1, a1, a0, b0."""
+        return to_x(self.z[:5])
+
+
+def fit(
+    bench: Bench,
+    ids: Ids,
+    points: Sequence[Floats],
+    plain: Fitted | None = None,
+    share: float = SETTINGS.search_share,
+    most: int = _MOST_TRIED,
+) -> Fitted:
+    """Fit one explanation from the best of some points.
+
+    The nuisances' variances are held in a search, found anew after it, and the search goes on.
+    `plain` is the plain model's fit, which says what a shift of the parameters moves.
+    """
+    variants = [False]
+    if at_port("curve", ids) and bench.evidence.drift_deg.size:
+        variants = [False, True]
+    fits = [_fit(bench, ids, points, plain, share, most, changed) for changed in variants]
+    return max(fits, key=lambda f: f.quick)
+
+
+def _fit(
+    bench: Bench,
+    ids: Ids,
+    points: Sequence[Floats],
+    plain: Fitted | None,
+    share: float,
+    most: int,
+    changed: bool,
+) -> Fitted:
+    problem = AngleProblem(bench, ids, changed)
+    factor = bench.whitening.factor(1.0, share)
+    variances = bench.scales**2
+    if len(points) > 1:
+        rough = [
+            problem.search(z, factor, problem.spread(variances), _ROUGH, _ROUGH_TRIED)
+            for z in points
+        ]
+        points = [min(rough, key=lambda m: m.at.value).z]
+    first = problem.search(points[0], factor, problem.spread(variances), _FIRST, most)
+    _, solution, _ = problem.weigh(problem.linear(first.z), factor, variances)
+    variances = solution.variances
+    found = problem.search(first.z, factor, problem.spread(variances), _ENOUGH, most)
+    linear = problem.linear(found.z)
+    quick, solution, _ = problem.weigh(linear, factor, variances)
+    b = solution.coefficients[-problem.size :]
+    predicted, _ = problem.predict(linear.z)
+    zeros = np.zeros(len(bench.evidence.grid.trials))
+    if problem.walk.size:
+        zeros = b[problem.walk[0]] * (bench.evidence.grid.orders - 1.0)
+        zeros = zeros + np.cumsum(b[problem.steps])
+    curve = b[problem.curve]
+    shared = predicted + zeros[bench.evidence.grid.sample_trial]
+    if at_port("curve", ids):
+        shared = shared + curve_columns(predicted) @ curve
+    whole = solution.covariance()
+    at = whole.shape[0] - problem.size + problem.curve
+    fitted = Fitted(
+        ids=ids,
+        changed=changed,
+        z=linear.z,
+        effects=problem.effects(linear.z),
+        predicted_deg=predicted,
+        shared_deg=shared,
+        curve_deg=curve,
+        curve_sigma_deg=np.sqrt(np.diag(whole)[at]),
+        zeros_deg=zeros,
+        variances=solution.variances,
+        covariance=problem.posterior(linear, factor, solution.variances),
+        moved_deg={},
+        logs=np.full(len(SHARES), -np.inf),
+        level=1.0,
+        quick=quick,
+        decrement=found.decrement,
+        tried=first.tried + found.tried,
+        rejected=first.rejected + found.rejected,
+    )
+    line = None
+    if problem.line:
+        line = problem.line, float(np.sqrt(2.0 * solution.variances[LINE]))
+    return replace(fitted, moved_deg=_moved(problem, fitted, plain), line=line)
+
+
+def _moved(problem: AngleProblem, fitted: Fitted, plain: Fitted | None) -> dict[str, float]:
+    """RMS by which each effect moves the angle, deg."""
+    evidence, found = problem.evidence, {}
+    y = fitted.predicted_deg
+    for name in fitted.ids:
+        port = LIBRARY[name].port
+        if port == "line":
+            found[name] = float(np.sqrt(fitted.variances[LINE]))
+            continue
+        if port == "coefficients":
+            before = problem.bench.centre if plain is None else plain.z[:5]
+            change = y - problem.predict(np.concatenate([before, fitted.z[5:]]))[0]
+        elif port == "curve":
+            change = curve_columns(y) @ fitted.curve_deg
+        elif port == "zeros":
+            change = fitted.zeros_deg[evidence.grid.sample_trial]
+        else:
+            less = fitted.effects.copy()
+            less[LIBRARY[name].slots] = np.nan
+            chain = problem.chain
+            if evidence.fixture is not None:
+                chain = chain.mounted(evidence.fixture.simulate(less)[1])
+            change = y - chain.run(fitted.x, less)[0]
+        found[name] = float(np.sqrt(np.average(change**2, weights=evidence.grid.counts)))
+    return found
+
+
+def weighed(bench: Bench, fitted: Fitted) -> Fitted:
+    """Weigh a fit at every share that it may miss, each at its best level of the noise."""
+    problem = AngleProblem(bench, fitted.ids, fitted.changed)
+    linear = problem.linear(fitted.z)
+    logs = np.empty(len(SHARES))
+    at = LEVELS.index(1.0)
+    levels = []
+    for k, share in enumerate(SHARES):
+
+        def log(i: int, share: float = share) -> float:
+            factor = bench.whitening.factor(LEVELS[i], share)
+            value, _, _ = problem.weigh(linear, factor, fitted.variances, rounds=3)
+            return value + level_prior(bench, LEVELS[i])
+
+        logs[k], at = _climb(log, at)
+        levels.append(LEVELS[at])
+    best = int(np.argmax(logs))
+    nats, size = _trend(bench, fitted, bench.whitening.factor(levels[best], SHARES[best]))
+    return replace(fitted, logs=logs, level=levels[best], trend_nats=nats, trend_deg=size)
+
+
+def _trend(bench: Bench, fitted: Fitted, factor: Factor) -> tuple[float, float]:
+    """Weigh what goes with the trials' order: nats, and its RMS over the rows, deg."""
+    with_it, without = (
+        AngleProblem(bench, fitted.ids, fitted.changed, trend=trend) for trend in (True, False)
+    )
+    linear = with_it.linear(fitted.z)
+    bare = replace(linear, columns=np.delete(linear.columns, with_it.trends, axis=1))
+    more, solution, _ = with_it.weigh(linear, factor, fitted.variances, rounds=3)
+    less, _, _ = without.weigh(bare, factor, fitted.variances, rounds=3)
+    b = solution.coefficients[-with_it.size :]
+    moved = linear.columns[: with_it.rows.size, with_it.trends] @ b[with_it.trends]
+    return more - less, float(np.sqrt(np.mean(moved**2)))
+
+
+def _climb(log: object, at: int) -> tuple[float, int]:
+    """Go up from a place in `LEVELS` to the nearest top."""
+    assert callable(log)
+    best, start = float(log(at)), at
+    for side in (1, -1):
+        while 0 <= at + side < len(LEVELS):
+            value = float(log(at + side))
+            if value <= best:
+                break
+            best, at = value, at + side
+        if at != start:
+            break
+    return best, at
+
+
+def without_others(angle: Fitted, ids: Ids) -> Floats:
+    """Take what is searched of some effects out of a fit that holds them among others."""
+    kept, at = [angle.z[:5]], 5
+    for name in angle.ids:
+        if LIBRARY[name].port != "chain":
+            continue
+        end = at + len(LIBRARY[name].parameters)
+        if name in ids:
+            kept.append(angle.z[at:end])
+        at = end
+    return np.concatenate(kept)
+
+
+def price(fitted: Fitted) -> float:
+    """Say what a search over frequencies costs an explanation, nats."""
+    return float(LINE_SEARCH) if at_port("line", fitted.ids) else 0.0

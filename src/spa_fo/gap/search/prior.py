@@ -1,0 +1,24 @@
+"""How probable a set of effects is before anything is measured."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spa_fo.gap.search.explanations import further_price
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import LIBRARY, at_port
+
+Ids = tuple[str, ...]
+
+
+def log_prior(ids: Ids) -> float:
+    """Logarithm of a set's probability beforehand: small sets first."""
+    s, n = SETTINGS, len(LIBRARY)
+    if not ids:
+        return float(np.log(s.none))
+    if len(ids) == 1:
+        return float(np.log(s.single / n))
+    pairs = n * (n - 1) / 2
+    further = -(len(ids) - 2) * further_price()
+    beside = np.log(s.shift_beside) if at_port("coefficients", ids) else 0.0
+    return float(np.log(s.pair / pairs) + further + beside)
