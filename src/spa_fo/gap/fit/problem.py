@@ -7,7 +7,7 @@ calibration dwells', the log's lateness, and every trial's own gain, rest angle 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ class _Base:
     effects: Floats
     angle_deg: Floats
     in_fixture: tuple[Floats, Mounting]
+    predicted: tuple[Floats, Floats] | None = None
     slopes: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
 
 
@@ -208,6 +209,8 @@ class AngleProblem(Explained):
     def predict(self, z: Floats) -> tuple[Floats, Floats]:
         """Angles at the grid's samples, and readings in the fixture."""
         e, base = self.effects(z), self._base
+        if base is not None and base.predicted is not None and np.array_equal(z, base.z):
+            return base.predicted
         if base is not None and _same(e, base.effects, self.film_slots):
             deviation, mounting = base.in_fixture
         else:
@@ -231,15 +234,17 @@ class AngleProblem(Explained):
         if self._base is None or not np.array_equal(z, self._base.z):
             e = self.effects(z)
             self._base = _Base(z.copy(), e, self.chain.angles(to_x(z), e)[0], self._in_fixture(e))
+            self._base = replace(self._base, predicted=self.predict(z))
         return self._base
 
     def _slope(self, z: Floats, k: int) -> tuple[Floats, Floats]:
-        known = self._about(z).slopes
+        base = self._about(z)
+        known, here = base.slopes, self.predict(z)
         if k not in known:
             step = _SLOPE_STEP if k < 5 else self.slope_step(z, k)
             moved = z.copy()
             moved[k] += step
-            here, there = self.predict(z), self.predict(moved)
+            there = self.predict(moved)
             known[k] = (there[0] - here[0]) / step, (there[1] - here[1]) / step
         return known[k]
 

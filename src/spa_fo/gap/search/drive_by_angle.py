@@ -13,9 +13,10 @@ import numpy as np
 
 from spa_fo.gap.data.evidence import angle_chain
 from spa_fo.gap.data.searched import to_x
+from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.search.drive import Drive, DriveFit, true_pressure
 from spa_fo.gap.search.explanations import Explanations
-from spa_fo.gap.search.fitted import Fitted, fit, price, weighed
+from spa_fo.gap.search.fitted import HOPE, Fitted, begun, price, settled, weighed
 from spa_fo.gap.search.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
@@ -51,11 +52,20 @@ def joined(drive: Drive, found: Explanations) -> Drive:
     allowed = [f for f in found.fits.values() if f.ids and not set(f.ids) & set(found.excluded)]
     allowed = [f for f in allowed if np.isfinite(f.logs).all()]
     carried = [found.plain, *sorted(allowed, key=lambda f: -_value(f))[:_CARRIED]]
-    pairs = [(one, angle) for one in near for angle in carried]
-    values = each(lambda pair: _together(drive, found, *pair), pairs)
+    others = [one for one in near if one.ids != drive.best.ids]
+    benches = [_driven(drive, found, one) for one in others]
+    pairs = [(k, angle) for k in range(len(others)) for angle in carried]
+    rough = each(lambda p: begun(benches[p[0]], p[1].ids, [p[1].z], found.plain), pairs)
+    tried = [(k, fitted) for (k, _), fitted in zip(pairs, rough, strict=True)]
+    tops = [max(_promise(f) for at, f in tried if at == k) for k in range(len(others))]
+    worth = [(k, f) for k, f in tried if _promise(f) > tops[k] - _NEAR]
+    values = each(
+        lambda p: _value(weighed(benches[p[0]], settled(benches[p[0]], p[1], found.plain))), worth
+    )
     total = {one.ids: -np.inf for one in near}
-    for (one, _), value in zip(pairs, values, strict=True):
-        total[one.ids] = max(total[one.ids], value)
+    total[drive.best.ids] = max(_value(angle) for angle in carried)
+    for (k, _), value in zip(worth, values, strict=True):
+        total[others[k].ids] = max(total[others[k].ids], value)
     top, least = max(total.values()), min(total.values())
     fits = {
         ids: replace(f, evidence=f.evidence + total.get(ids, least) - top)
@@ -72,11 +82,14 @@ def _value(fitted: Fitted) -> float:
     return float(fitted.logs.max()) - price(fitted) + log_prior(fitted.ids) / SETTINGS.temper
 
 
-def _together(drive: Drive, found: Explanations, one: DriveFit, angle: Fitted) -> float:
-    """Log evidence of an explanation of the angle that is driven by one of the pressure."""
+def _promise(rough: Fitted) -> float:
+    """Say what a rough fit may be worth once it has come to its end."""
+    worth = log_prior(rough.ids) / SETTINGS.temper - price(rough)
+    return rough.quick + HOPE * rough.decrement + worth
+
+
+def _driven(drive: Drive, found: Explanations, one: DriveFit) -> Bench:
+    """Let an explanation of the pressure drive the model."""
     bench = found.bench
-    if one.ids == drive.best.ids:
-        return _value(angle)
     kpa = true_pressure(bench.evidence, one, drive.room_kpa)
-    bench = replace(bench, chain=angle_chain(bench.evidence, to_x(bench.centre), kpa))
-    return _value(weighed(bench, fit(bench, angle.ids, [angle.z], found.plain)))
+    return replace(bench, chain=angle_chain(bench.evidence, to_x(bench.centre), kpa))

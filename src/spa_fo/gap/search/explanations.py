@@ -18,7 +18,16 @@ from scipy.linalg import solve_triangular
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
 from spa_fo.gap.fit.problem import AngleProblem, starts
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
-from spa_fo.gap.search.fitted import LINE_SEARCH, Fitted, fit, weighed, without_others
+from spa_fo.gap.search.fitted import (
+    HOPE,
+    LINE_SEARCH,
+    Fitted,
+    begun,
+    fit,
+    settled,
+    weighed,
+    without_others,
+)
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
@@ -145,7 +154,7 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     alone += [((n,), _points(shown, n)) for n in _first(shown, _SINGLES)]
     if again is not None and not bench.own:
         alone.append(((again,), [plain.z]))
-    fits = {(): plain} | {f.ids: f for f in each(lambda a: fit(bench, a[0], a[1], plain), alone)}
+    fits = {(): plain} | _fits(bench, alone, plain, plain, least=_HOSTS)
     allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
     hosts = sorted(allowed, key=lambda f: -f.quick)[:_HOSTS]
     pairs = _beside(bench, hosts, chained, linear, plain)
@@ -177,8 +186,44 @@ def _beside(
         for name in linear:
             if name not in host.ids:
                 more.setdefault(ordered((*host.ids, name)), [host.z])
-    fitted = each(lambda a: fit(bench, a[0], a[1], plain), list(more.items()))
-    return {f.ids: f for f in fitted}
+    return _fits(bench, list(more.items()), plain, max(hosts, key=lambda f: f.quick, default=plain))
+
+
+def _fits(
+    bench: Bench,
+    wanted: Sequence[tuple[Ids, list[Floats]]],
+    plain: Fitted,
+    known: Fitted,
+    least: int = 0,
+) -> dict[Ids, Fitted]:
+    """Fit explanations roughly, and to their end those that may still be worth weighing.
+
+    Parameters
+    ----------
+    bench : Bench
+        The campaign.
+    wanted : sequence of (ids, points)
+        Explanations, and where to begin.
+    plain : Fitted
+        The plain model's fit.
+    known : Fitted
+        The best fit so far.
+    least : int
+        How many of the best are fitted to their end in any case, besides a shift of the parameters.
+    """
+    rough = each(lambda a: begun(bench, a[0], a[1], plain), wanted)
+    ranked = sorted(rough, key=lambda f: -f.quick)
+    best = max(known.quick, *(f.quick for f in ranked)) if ranked else known.quick
+    again = at_port("coefficients")
+    worth = [
+        f
+        for place, f in enumerate(ranked)
+        if place < least
+        or f.ids == (again,)
+        or f.quick + HOPE * f.decrement > best - _WORTH_WEIGHING
+    ]
+    ended = each(lambda f: settled(bench, f, plain), worth)
+    return {f.ids: f for f in rough} | {f.ids: f for f in ended}
 
 
 def _three(

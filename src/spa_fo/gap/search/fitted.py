@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LEVELS, LINE, SHARES, Bench, level_prior
+from spa_fo.gap.fit.minimise import Minimum
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
@@ -19,8 +20,10 @@ from spa_fo.plant.effects.library import LIBRARY, at_port
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
-_ROUGH, _ROUGH_TRIED = 0.5, 12  # nats and points of a search that only ranks starts
-_FIRST, _ENOUGH, _MOST_TRIED = 0.1, 0.01, 40
+_ROUGH, _ROUGH_TRIED = 0.5, 12  # nats and points of a search that only ranks
+_ENOUGH, _MOST_TRIED = 0.01, 40
+HOPE = 10.0
+"""Times what a full step would gain is what a rough fit may still gain."""
 LINE_SEARCH = np.log(400.0)  # price of a search over frequencies and amplitudes
 
 
@@ -106,38 +109,57 @@ def fit(
 ) -> Fitted:
     """Fit one explanation from the best of some points.
 
-    The nuisances' variances are held in a search, found anew after it, and the search goes on.
     `plain` is the plain model's fit, which says what a shift of the parameters moves.
     """
-    variants = [False]
-    if at_port("curve", ids) and bench.evidence.drift_deg.size:
-        variants = [False, True]
-    fits = [_fit(bench, ids, points, plain, share, most, changed) for changed in variants]
-    return max(fits, key=lambda f: f.quick)
+    return settled(bench, begun(bench, ids, points, plain, share), plain, share, most)
 
 
-def _fit(
+def begun(
     bench: Bench,
     ids: Ids,
     points: Sequence[Floats],
-    plain: Fitted | None,
-    share: float,
-    most: int,
-    changed: bool,
+    plain: Fitted | None = None,
+    share: float = SETTINGS.search_share,
 ) -> Fitted:
-    problem = AngleProblem(bench, ids, changed)
+    """Fit one explanation roughly: to tell whether it is worth more, and where to go on."""
+    variants = [False]
+    if at_port("curve", ids) and bench.evidence.drift_deg.size:
+        variants = [False, True]
+    factor, variances = bench.whitening.factor(1.0, share), bench.scales**2
+    fits = []
+    for changed in variants:
+        problem = AngleProblem(bench, ids, changed)
+        spread = problem.spread(variances)
+        rough = [problem.search(z, factor, spread, _ROUGH, _ROUGH_TRIED) for z in points]
+        found = min(rough, key=lambda m: m.at.value)
+        fitted = _fitted(problem, found, factor, variances, plain)
+        # What a step would gain with the variances found, which may open another way.
+        here = problem.search(fitted.z, factor, problem.spread(fitted.variances), _ROUGH, 0)
+        fits.append(replace(fitted, decrement=here.decrement))
+    return max(fits, key=lambda f: f.quick)
+
+
+def settled(
+    bench: Bench,
+    rough: Fitted,
+    plain: Fitted | None = None,
+    share: float = SETTINGS.search_share,
+    most: int = _MOST_TRIED,
+) -> Fitted:
+    """Go on with a rough fit to its end, with the nuisances' variances that it has found."""
+    problem = AngleProblem(bench, rough.ids, rough.changed)
     factor = bench.whitening.factor(1.0, share)
-    variances = bench.scales**2
-    if len(points) > 1:
-        rough = [
-            problem.search(z, factor, problem.spread(variances), _ROUGH, _ROUGH_TRIED)
-            for z in points
-        ]
-        points = [min(rough, key=lambda m: m.at.value).z]
-    first = problem.search(points[0], factor, problem.spread(variances), _FIRST, most)
-    _, solution, _ = problem.weigh(problem.linear(first.z), factor, variances)
-    variances = solution.variances
-    found = problem.search(first.z, factor, problem.spread(variances), _ENOUGH, most)
+    found = problem.search(rough.z, factor, problem.spread(rough.variances), _ENOUGH, most)
+    tried, rejected = rough.tried + found.tried, rough.rejected + found.rejected
+    found = replace(found, tried=tried, rejected=rejected)
+    return _fitted(problem, found, factor, rough.variances, plain)
+
+
+def _fitted(
+    problem: AngleProblem, found: Minimum, factor: Factor, variances: Floats, plain: Fitted | None
+) -> Fitted:
+    """Weigh the end of a search, with the nuisances that are most probable there."""
+    bench, ids = problem.bench, problem.ids
     linear = problem.linear(found.z)
     quick, solution, _ = problem.weigh(linear, factor, variances)
     b = solution.coefficients[-problem.size :]
@@ -154,7 +176,7 @@ def _fit(
     at = whole.shape[0] - problem.size + problem.curve
     fitted = Fitted(
         ids=ids,
-        changed=changed,
+        changed=problem.changed,
         z=linear.z,
         effects=problem.effects(linear.z),
         predicted_deg=predicted,
@@ -169,8 +191,8 @@ def _fit(
         level=1.0,
         quick=quick,
         decrement=found.decrement,
-        tried=first.tried + found.tried,
-        rejected=first.rejected + found.rejected,
+        tried=found.tried,
+        rejected=found.rejected,
     )
     line = None
     if problem.line:
