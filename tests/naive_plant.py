@@ -163,23 +163,25 @@ class Bundle:
         self.virgin *= np.exp(-beyond * self.step / self.dwell - newly / self.loadings)
 
 
-def loop(load, step, x, law):
+def loop(load, step, x, law, missed=None):
     """Angle (rad) at the end of equal steps, G in a loop with a further moment.
 
-    The fractional memory is a sum over all earlier steps; the moment is iterated to its fixed
-    point.
+    What is missed of the angle is felt by the moment and added to the angle. The fractional memory
+    is a sum over all earlier steps; the moment is iterated to its fixed point.
     """
     static = x[4] / x[3]
     pulse = np.diff(step_response(step * np.arange(load.size + 1), *x))
     out, v = [0.0], np.zeros(load.size)
+    missed = np.concatenate([[0.0], np.zeros(load.size) if missed is None else missed])
     for i in range(load.size):
         free = float(pulse[i:0:-1] @ v[:i])
         angle = out[-1]
         for _ in range(100):
-            v[i] = load[i] - law.moment(out[-1], angle) / static
+            felt = out[-1] + missed[i], angle + missed[i + 1]
+            v[i] = load[i] - law.moment(*felt) / static
             before, angle = angle, free + pulse[0] * v[i]
             if abs(angle - before) < 1e-12:
                 break
-        law.accept(out[-1], angle)
+        law.accept(out[-1] + missed[i], angle + missed[i + 1])
         out.append(angle)
-    return np.array(out[1:])
+    return np.array(out[1:]) + missed[1:]

@@ -15,7 +15,7 @@ import naive_plant as naive
 from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, triangle, vector
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
-from spa_fo.plant.chain import Chain, Memory, chain_for
+from spa_fo.plant.chain import Chain, Memory, Usual, chain_for, static_gain
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import IDS, LIBRARY, absent, stage_of, switches
@@ -33,10 +33,14 @@ def chain(own: tuple[Trial, ...], x: np.ndarray = X, longest: int = 0) -> Chain:
 
 
 def angles(
-    own: tuple[Trial, ...], effects: np.ndarray, x: np.ndarray = X, longest: int = 0
+    own: tuple[Trial, ...],
+    effects: np.ndarray,
+    x: np.ndarray = X,
+    longest: int = 0,
+    usual: Usual | None = None,
 ) -> list[np.ndarray]:
     """Simulate trials: the reading at every sample of each, in degrees."""
-    c = chain(own, x, longest)
+    c = replace(chain(own, x, longest), usual=usual)
     reading, _ = c.readings(x, effects)
     return [
         c.logged(reading, effects, *c.grid.locate(i, t.t_s), np.full(t.t_s.size, i))
@@ -228,6 +232,34 @@ def test_a_moment_in_the_loop_against_a_convolution(name: str) -> None:
     found, plain = angles(own, vector(name))[0], angles(own, absent())[0]
     assert np.abs(found - plain).max() > 2.0
     np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_effects_feel_what_is_usually_missed(name: str) -> None:
+    own, x = trials(step_release()), X * np.array([1.0, 1.0, 1.0, 1.0, 1.1])
+    c = chain(own, x)
+    ends_s = np.cumsum(STEPS_S[c.grid.level])
+    missed = 12.0 * np.sin(0.9 * ends_s) ** 2 * np.exp(-0.1 * ends_s)
+    usual = Usual(missed, static_gain(X))
+    load = np.repeat(step_release(), 2) / KPA
+    fine_s = STEP_S * np.arange(1, load.size + 1)
+    known = np.radians(1.1 * np.interp(fine_s, np.append(0.0, ends_s), np.append(0.0, missed)))
+    slow = np.degrees(naive.loop(load, STEP_S, x, LAWS[name](parameters(name)), known))
+    found = angles(own, vector(name), x, usual=usual)[0]
+    unfelt = angles(own, vector(name), x)[0]
+    assert np.abs(found - unfelt - np.append(0.0, 1.1 * missed)[: found.size]).max() > 0.25
+    np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.05)
+
+
+def test_what_is_usually_missed_is_read() -> None:
+    own = trials(step_release())
+    c = chain(own, X)
+    missed = np.linspace(0.0, 9.0, c.grid.level.size)
+    both = replace(c, usual=Usual(missed, static_gain(X)))
+    sensor = vector("sensor_nonlinearity")
+    plain, _ = c.angles(X, sensor)
+    read = c.read(plain + missed, sensor, np.zeros_like(c.memory.film))
+    np.testing.assert_allclose(both.readings(X, sensor)[0], read, atol=1e-12)
 
 
 @given(

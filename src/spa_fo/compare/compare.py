@@ -1,8 +1,9 @@
 """What changed between two campaigns of one actuator.
 
-What the model misses on the reference is learned as a law of fading memory and taken off the other
-campaign: what is left there is what changed. It is diagnosed as any gap is, with what the law
-misses on trials of the reference that it did not learn from as part of the noise.
+What the model misses on the reference is learned as a law of fading memory. In the other campaign
+it belongs to the actuator's angle, as every effect meets it: what is left there is what changed. It
+is diagnosed as any gap is, with what the law misses on trials of the reference that it did not
+learn from as part of the noise. Where the reference never went, nothing is said.
 """
 
 from __future__ import annotations
@@ -46,13 +47,15 @@ class Comparison:
     reference, data : CampaignData
         Both campaigns, as measured.
     change : Diagnosis
-        Of the second campaign with what is missed in both taken off.
+        Of the second campaign, with what is missed in both known.
     angle_law, pressure_law : FadingMemoryLaw or None
         What the model misses on the reference, deg, and what the pressure differs from the
         command by, kPa; None where it was not logged.
     common : tuple of arrays
         By trial of the second campaign: what is missed in both, deg, or kPa where no angle was
         logged.
+    unvisited : float
+        Share of the second campaign's rows where the reference never was: they say nothing.
     model : Model or None
         Of the reference with the change in it; the plain one where nothing is named. None where no
         angle was logged: all that `change` says in degrees is in kPa then.
@@ -64,6 +67,7 @@ class Comparison:
     angle_law: FadingMemoryLaw | None
     pressure_law: FadingMemoryLaw | None
     common: tuple[Floats, ...]
+    unvisited: float
     model: Model | None
 
     @property
@@ -100,7 +104,11 @@ class Comparison:
             "reference": self.reference.campaign.name,
             "compared": self.compared,
             "verdict": {**document["verdict"], "kind": self.kind},
-            "common": {"rmse_deg": self.common_rms, "learned_to_deg": self.law.left_rms},
+            "common": {
+                "rmse_deg": self.common_rms,
+                "learned_to_deg": self.law.left_rms,
+                "unvisited": self.unvisited,
+            },
         }
         return found if self.compared == "angle" else _in_kpa(found)
 
@@ -148,7 +156,7 @@ def compare(
     progress(f"learning what the model misses on {len(reference.trials)} trials of the reference")
     missed, there = _missed(reference, plain), _missed(data, plain)
     law = learn(missed)
-    common = law.predict(there)
+    common, unvisited = law.predict(there), law.unvisited(there)
     predicted = [t.angle_deg - s.missed for t, s in zip(reference.trials, missed, strict=True)]
     spectrum, scattered = noise_of(law, missed, predicted, common)
     rest = max(_bent_at_rest(trial, plain) for trial in data.trials) if _zeroed(data) else 0.0
@@ -158,12 +166,12 @@ def compare(
         angle=spectrum,
         scatter=replace(scattered, rest_deg=_together(scattered.rest_deg, rest, moving)),
         angle_deg=_together(law.left_rms, uncertain(common), moving),
+        usual=tuple(
+            (mean, np.where(rows, float(np.abs(trial.angle_deg).max()), deviation))
+            for trial, (mean, deviation), rows in zip(data.trials, common, unvisited, strict=True)
+        ),
     )
-    trials = [
-        replace(t, angle_deg=t.angle_deg - mean)
-        for t, (mean, _) in zip(data.trials, common, strict=True)
-    ]
-    of_pressure = None
+    trials, of_pressure = data.trials, None
     if plain.signal == "command" and all(map(shows_drive, (*reference.trials, *data.trials))):
         lost = [lost_in_drive(trial) for trial in reference.trials]
         of_pressure = learn(lost)
@@ -173,13 +181,13 @@ def compare(
             pressure=noise_of(of_pressure, lost, [s.input for s in lost], usual)[0],
             pressure_kpa=float(np.hypot(of_pressure.left_rms, uncertain(usual))),
         )
-        trials = [
+        trials = tuple(
             replace(t, pressure_kpa=_of(t.pressure_kpa) - mean)
             for t, (mean, _) in zip(trials, usual, strict=True)
-        ]
+        )
     # The model is the reference's, whatever the campaigns are called.
     change = diagnose(
-        replace(data, trials=tuple(trials)),
+        replace(data, trials=trials),
         replace(plain, extra={}),
         excluded=excluded,
         seed=seed,
@@ -188,7 +196,14 @@ def compare(
     )
     model = replace(change.model, extra={**plain.extra, **change.model.extra})
     return Comparison(
-        reference, data, change, law, of_pressure, tuple(mean for mean, _ in common), model
+        reference=reference,
+        data=data,
+        change=change,
+        angle_law=law,
+        pressure_law=of_pressure,
+        common=tuple(mean for mean, _ in common),
+        unvisited=float(np.mean(np.concatenate(unvisited))),
+        model=model,
     )
 
 

@@ -26,6 +26,7 @@ _LAGS = 5
 _STEP_S = 0.02
 _LENGTHS = (0.5, 1.0, 2.0, 4.0)  # of the function, in standard deviations of the inputs
 _NOISES = (0.003, 0.03, 0.1, 0.3)  # variance of what it does not hold, against what it does
+_ROOM = 0.05  # of the range of an input, by which it may go beyond what was learned from
 _PIECES = 4  # of a lone trial: each is predicted from the others
 
 
@@ -109,6 +110,16 @@ class FadingMemoryLaw:
             By trial: the prediction, and its standard deviation.
         """
         return [self._predicted(x) for x in inputs(signals, self.lags_s)]
+
+    def unvisited(self, signals: Sequence[Signal]) -> list[Bools]:
+        """Say by trial which rows the law was not taught: the input or a lag of it is beyond."""
+        low, high = self.at.min(axis=0), self.at.max(axis=0)
+        room = _ROOM * (high - low)
+        found = []
+        for x in inputs(signals, self.lags_s):
+            scaled = (x - self.centre) / self.scale
+            found.append(((scaled < low - room) | (scaled > high + room)).any(axis=1))
+        return found
 
     def _predicted(self, inputs: Floats) -> tuple[Floats, Floats]:
         k = kernel((inputs - self.centre) / self.scale, self.at, self.length)

@@ -105,7 +105,8 @@ def compare_pressure(
     drive = examine_drive(fitted, excluded, x.transfer_function.as_array(), spectrum)
     drive = replace(drive, gap_deg=drive.gap_kpa)
     change = _said(evidence, held, drive, x, tuple(excluded), expected, seed)
-    return Comparison(reference, data, change, None, law, common, None)
+    unvisited = float(np.mean(np.concatenate(law.unvisited(there))))
+    return Comparison(reference, data, change, None, law, common, unvisited, None)
 
 
 def _lost(trial: Trial) -> Signal:

@@ -171,6 +171,31 @@ class Mounting:
 
 
 @dataclass(frozen=True)
+class Usual:
+    """What a plain model is known to miss of the true angle: its sensor reads that, too.
+
+    Attributes
+    ----------
+    angle_deg : (steps,) array
+        At the end of each step, 0 in the rests.
+    gain : float
+        Static gain of the coefficients that it was learned with; it grows as theirs does.
+    """
+
+    angle_deg: Floats
+    gain: float
+
+    def of(self, x: Floats) -> Floats:
+        """Give it for some coefficients, deg."""
+        return static_gain(x) / self.gain * self.angle_deg
+
+
+def static_gain(x: Floats) -> float:
+    """Bending (rad) that one of u settles at: b0 / a0 of alpha2, alpha1, a1, a0, b0."""
+    return float(x[4] / x[3])
+
+
+@dataclass(frozen=True)
 class Chain:
     """A campaign ready to be simulated many times.
 
@@ -190,6 +215,8 @@ class Chain:
         What the specimen remembers at the start.
     mounting : Mounting
         How the sensor came from its first calibration.
+    usual : Usual or None
+        What is known to be missed of the true angle, without a reason.
     """
 
     grid: CampaignGrid
@@ -199,6 +226,7 @@ class Chain:
     contour: Contour
     memory: Memory = field(default_factory=Memory)
     mounting: Mounting = field(default_factory=Mounting)
+    usual: Usual | None = None
 
     def mounted(self, mounting: Mounting) -> Chain:
         """Return the chain with a sensor that comes from this calibration."""
@@ -278,9 +306,12 @@ class Chain:
     ) -> Floats:
         """Move the actuator; the memory is carried on in place."""
         c = self.contour
+        level = self.grid.level[steps]
+        usual = np.zeros(level.size) if self.usual is None else self.usual.of(x)[steps]
         angle = move(
             load,
-            self.grid.level[steps],
+            np.radians(usual),
+            level,
             self.grid.middle_s[steps],
             x,
             effects,

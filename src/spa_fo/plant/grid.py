@@ -128,7 +128,11 @@ class CampaignGrid:
 
     def sampled(self, cells: Floats) -> Floats:
         """Average a signal given on cells over the rows of each averaged sample."""
-        return np.asarray(np.add.reduceat(cells[self.row_cell], self.row_starts) / self.counts)
+        return self.averaged(cells[self.row_cell])
+
+    def averaged(self, rows: Floats) -> Floats:
+        """Average what stands at the rows of all trials, those after a reset left out."""
+        return np.asarray(np.add.reduceat(rows, self.row_starts) / self.counts)
 
 
 def campaign_grid(

@@ -186,12 +186,18 @@ def _common(comparison: Comparison) -> str:
     missed = "the plain model misses of the campaign it misses"
     if comparison.compared == "pressure":
         missed = "the pressure of the campaign differs from its command by it differs by"
-    return (
+    text = (
         f"{common:.2f}{unit} (RMS) of what {missed} on the reference in the same way: that is no "
         "change. It was learned there as a smooth function of where the input has been, and "
         "predicts trials of the reference that it did not learn from to "
         f"{comparison.law.left_rms:.2f}{unit}."
     )
+    if comparison.compared == "angle" and comparison.unvisited > 0.0:
+        text += (
+            f" {percent(comparison.unvisited)} of the campaign's samples lie where the reference "
+            "never was: they say next to nothing of what changed."
+        )
+    return text
 
 
 def _figure(comparison: Comparison, name: str) -> list[str]:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.data.fixture import Fixture, fixture_of
-from spa_fo.plant.chain import Chain, chain_for
+from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
+from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.stages import true_pressure
 from spa_fo.rig import Calibration, CampaignData
 
@@ -60,6 +61,8 @@ class Evidence:
         By trial, its averaged samples.
     takes_part : (trials,) bool array
         Trials that explanations are chosen and fitted by; the others are held out.
+    usual : Usual or None
+        What a reference says that the model misses.
     """
 
     data: CampaignData
@@ -78,6 +81,7 @@ class Evidence:
     pressure_noise_kpa: float
     rows: list[Integers] = field(default_factory=list)
     takes_part: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, dtype=bool))
+    usual: Usual | None = None
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -222,7 +226,42 @@ def angle_chain(evidence: Evidence, x: Floats, pressure_kpa: Floats | None) -> C
     """Prepare the simulator for this campaign, driven by the command or by a known pressure."""
     if pressure_kpa is None and evidence.grid.command_kpa is None:
         pressure_kpa = evidence.grid.pressure_kpa
-    return chain_for(evidence.grid, x, evidence.data.campaign.reference_kpa, pressure_kpa)
+    reference_kpa = evidence.data.campaign.reference_kpa
+    chain = chain_for(evidence.grid, x, reference_kpa, pressure_kpa)
+    return replace(chain, usual=evidence.usual)
+
+
+def with_usual(
+    evidence: Evidence, usual: Sequence[tuple[Floats, Floats]], given: Floats
+) -> Evidence:
+    """Let the simulator start from what the given model is known to miss.
+
+    Where that is hardly known, as no trial of a reference went there, a sample says little.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        A campaign.
+    usual : sequence of pairs of (rows,) arrays
+        By trial of the campaign's data, at its rows: what is missed, and its standard deviation.
+    given : (5,) array
+        Coefficients of the model.
+    """
+    grid = evidence.grid
+    angle = np.zeros(grid.level.size)
+    squares = []
+    by_order = {t.order: each for t, each in zip(evidence.data.trials, usual, strict=True)}
+    for i, trial in enumerate(grid.trials):
+        mean, deviation = by_order[trial.order]
+        squares.append(deviation[~trial.after_reset] ** 2)
+        own = slice(grid.step_starts[i], grid.step_starts[i] + grid.trial_steps[i])
+        ends_s = np.cumsum(STEPS_S[grid.level[own]])
+        angle[own] = np.interp(ends_s, trial.t_s, mean)
+    return replace(
+        evidence,
+        usual=Usual(angle, static_gain(given)),
+        variance=evidence.variance + grid.averaged(np.concatenate(squares)),
+    )
 
 
 def modelled_pressure(evidence: Evidence, effects: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.data.evidence import Evidence, collect, with_usual
 from spa_fo.gap.data.floor import noise_floor
 from spa_fo.gap.data.hold_out import HeldOut, hold_out
 from spa_fo.gap.decide.verdict import Verdict
@@ -87,14 +87,15 @@ def examine(
     # The model's u, whatever the campaign's own would be.
     campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
     data = replace(data, campaign=campaign)
-    everything = collect(data)
+    everything, given = collect(data), plain.transfer_function.as_array()
+    if beyond is not None and beyond.usual:
+        everything = with_usual(everything, beyond.usual, given)
     excluded = tuple(excluded)
     if everything.grid.command_kpa is None:
         drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
     held = hold_out(everything, rng)
     evidence = replace(everything, takes_part=~held.trials)
-    given = plain.transfer_function.as_array()
     progress(f"explaining {evidence.takes_part.sum()} trials")
     drive = None
     if evidence.has_pressure:

@@ -108,6 +108,8 @@ class Beyond:
         Of the pressure, kPa²; None where that was not logged.
     pressure_kpa : float
         RMS of all of it.
+    usual : tuple of pairs of (rows,) arrays
+        The correction itself, by trial of the campaign, and how well it is known, deg.
     """
 
     angle: Spectrum
@@ -115,6 +117,7 @@ class Beyond:
     angle_deg: float
     pressure: Spectrum | None = None
     pressure_kpa: float = 0.0
+    usual: tuple[tuple[Floats, Floats], ...] = ()
 
 
 def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> BenchNoise:

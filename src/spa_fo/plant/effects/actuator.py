@@ -37,6 +37,7 @@ _NEWTON = 6
 @njit
 def move(
     load: Floats,
+    usual: Floats,
     level: Integers,
     time_s: Floats,
     x: Floats,
@@ -57,6 +58,8 @@ def move(
     ----------
     load : (n,) array
         Mean of u = pressure/reference over each step.
+    usual : (n,) array
+        What is known to be missed of the angle at the end of each step, rad; effects feel it, too.
     level : (n,) array
         Step lengths, as indices into `STEPS_S`.
     time_s : (n,) array
@@ -108,7 +111,7 @@ def move(
         creep_size = creep_sizes(e[CREEP], e[CREEP + 1], e[CREEP + 2])
 
     out = np.empty(load.size)
-    angle = stops[STOPS]
+    angle, known = stops[STOPS], 0.0
     for i in range(load.size):
         k = level[i]
         u = load[i]
@@ -125,8 +128,9 @@ def move(
         v = u
         if looped:
             new = free + direct[k] * u
+            missed = 0.5 * (known + usual[i])
             for _ in range(_NEWTON):
-                middle = 0.5 * (angle + new)
+                middle = 0.5 * (angle + new) + missed
                 moment, slope = 0.0, 0.0
                 if stiff:
                     part, tangent = stiffening_moment(middle, e[STIFFENING], e[STIFFENING + 1])
@@ -147,7 +151,7 @@ def move(
                     moment += e[MULLINS_SOFTENING] * part
                     slope += e[MULLINS_SOFTENING] * tangent
                 if rubbing:
-                    part, tangent = friction(middle - angle, stops, radii)
+                    part, tangent = friction(middle - angle - known, stops, radii)
                     moment += math.radians(e[HYSTERESIS]) * part
                     slope += math.radians(e[HYSTERESIS]) * tangent
                 v = u - moment / static
@@ -162,20 +166,20 @@ def move(
         modes[n] += pole_gain[k] * v
         new = free + direct[k] * v
         if rubbing:
-            rub(new - angle, stops, radii)
+            rub(new - angle + usual[i] - known, stops, radii)
         if mullins:
             soften(
-                angle,
-                new,
+                angle + known,
+                new + usual[i],
                 STEPS_S[k],
                 virgin,
                 width,
                 e[MULLINS_SOFTENING + 1],
                 e[MULLINS_SOFTENING + 2],
             )
-        angle = new
-        out[i] = angle
+        angle, known = new, usual[i]
+        out[i] = angle + known
         if creeping:
-            out[i] = crept(angle, creep, creep_keep[k], creep_size, static, u)
+            out[i] = known + crept(angle, creep, creep_keep[k], creep_size, static, u)
     stops[STOPS] = angle
     return out
