@@ -16,15 +16,17 @@ from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, learn
+from spa_fo.compare.nominal import nominal_finding, nominal_of_reference
 from spa_fo.errors import BadInput
 from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.gap.noise.bench_noise import TYPICAL, Beyond
-from spa_fo.gap.noise.coloured import Differences, Scatter, Spectrum, estimate, scatter
+from spa_fo.gap.noise.coloured import Scatter, Spectrum, estimate, misfit, scatter
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented
+from spa_fo.plant.nominal_drive import driven_by
 from spa_fo.rig import CampaignData, Trial
 from spa_fo.rig.trials import before_first_change
 
@@ -33,7 +35,6 @@ Progress = Callable[[str], None]
 
 SCHEMA = "spa-fo/comparison/1"
 NOTHING_CHANGED = "nothing_changed"
-_ROWS = 100  # of a trial, that the noise is estimated from
 _WHITE = 1e-3  # deg or kPa: what is averaged holds next to no white noise
 
 
@@ -145,6 +146,11 @@ def compare(
     BadInput
         A log lacks the signal that drives the model.
     """
+    measured = reference, data
+    nominal = nominal_of_reference(reference, data, progress)
+    if nominal is not None:
+        plain = replace(plain, signal="command") if plain.signal == "pressure" else plain
+        reference, data = (nominal.drive.applied(each) for each in measured)
     progress(f"learning what the model misses on {len(reference.trials)} trials of the reference")
     missed, there = _missed(reference, plain), _missed(data, plain)
     law = learn(missed)
@@ -187,9 +193,10 @@ def compare(
         beyond=beyond,
     )
     model = replace(change.model, extra={**plain.extra, **change.model.extra})
-    return Comparison(
-        reference, data, change, law, of_pressure, tuple(mean for mean, _ in common), model
-    )
+    if nominal is not None:
+        model = driven_by(model, nominal.drive)
+        change = replace(change, findings=(nominal_finding(nominal, data), *change.findings))
+    return Comparison(*measured, change, law, of_pressure, tuple(mean for mean, _ in common), model)
 
 
 def _bent_at_rest(trial: Trial, plain: Model) -> float:
@@ -269,7 +276,7 @@ def noise_of(
     `shapes` are what a gain of a trial's own would multiply.
     """
     differences = [
-        _difference(signal.t_s, left, shape)
+        misfit(signal.t_s, left, shape)
         for signal, left, shape in zip(signals, law.left, shapes, strict=True)
     ]
     spectrum = estimate(differences, _WHITE)
@@ -278,24 +285,3 @@ def noise_of(
     more = 1.0 + uncertain(found) ** 2 / total
     wider = replace(spectrum, white=0.0, coloured=spectrum.coloured * more)
     return wider, scatter(differences, spectrum, TYPICAL)
-
-
-def _difference(time_s: Floats, left: Floats, shape: Floats) -> Differences:
-    merge = -(-left.size // _ROWS)
-    first = np.arange(0, left.size, merge)
-    count = np.add.reduceat(np.ones(left.size), first)
-
-    def merged(values: Floats) -> Floats:
-        return np.asarray(np.add.reduceat(values, first) / count)
-
-    time, angle = merged(time_s), merged(shape)
-    width = np.full(first.size, float(np.median(np.diff(time_s))) * merge)
-    nuisances = np.column_stack([np.ones(first.size), angle, np.gradient(angle, time), 0.0 * time])
-    return Differences(
-        values=merged(left)[None, :],
-        nuisances=nuisances,
-        fixed=np.full(first.size, 1e-6),
-        time_s=time,
-        width_s=width,
-        count=count,
-    )

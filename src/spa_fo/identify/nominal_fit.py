@@ -289,7 +289,8 @@ class _Problem:
         drive = self.drive(z)
         k = self.form.knots
         # Neighbours alike, so weakly that it matters where nothing else says anything.
-        slopes = np.diff(z[1:k]) / self.span
+        gaps = np.diff(self.knots)
+        slopes = np.diff(z[1:k] / gaps) * gaps.mean() / self.span
         rates = np.diff(z[self._rates])
         smooth = self.weight * np.concatenate([slopes, rates])
         return np.concatenate([*(log.left(drive) for log in self.logs), smooth])

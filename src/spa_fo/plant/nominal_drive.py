@@ -89,6 +89,11 @@ class NominalDrive:
         middle = FINEST_STEP_S * (np.arange(cells.size) + 0.5)
         return np.asarray(np.interp(t_s, middle, cells))
 
+    def at_rows(self, trial: Trial) -> Floats:
+        """Return the nominal pressure of a trial at its rows, (n,), kPa."""
+        assert trial.command_kpa is not None
+        return self.at(trial.t_s, trial.command_kpa, begins_kpa(trial))
+
     def commanded(self, trial: Trial) -> Floats:
         """Return what stands for a trial's commanded pressure: means from row to row, (n,), kPa."""
         assert trial.command_kpa is not None
@@ -133,7 +138,7 @@ class NominalDrive:
             raise BadInput(str(source), "expected commands that rise, and levels with them", KEY)
         if not (np.all(lists[2] >= 0.0) and min(numbers) >= 0.0):
             raise BadInput(str(source), "expected rates, venting and delay of 0 or more", KEY)
-        return cls(*lists, *numbers)
+        return cls(lists[0], lists[1], lists[2], numbers[0], numbers[1])
 
 
 def drive_of(model: Model, source: object = "model") -> NominalDrive | None:
@@ -176,9 +181,7 @@ def _held(t_s: Floats, values: Floats, edges_s: Floats) -> Floats:
     return np.asarray(np.diff(np.interp(edges_s, at, area)) / np.diff(edges_s))
 
 
-def _numbers(
-    entry: Mapping[str, Any], name: str, source: object, *, alone: bool = False
-) -> Floats:
+def _numbers(entry: Mapping[str, Any], name: str, source: object, *, alone: bool = False) -> Floats:
     """Read finite numbers: a list of them, or one alone."""
     value = entry.get(name)
     found = [value] if alone else value

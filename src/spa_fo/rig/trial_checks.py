@@ -57,10 +57,11 @@ def check_levels(campaign: Campaign, trials: Sequence[Trial]) -> None:
             continue
         odd = odd_level(levels)
         if odd is not None:
+            middle = f"{np.median(levels):g}{unit}"
             raise BadInput(
                 found[odd][0].path,
                 f"commands {levels[odd]:g}{unit}, but the trials of experiment '{experiment.name}' "
-                f"command {np.median(levels):g}{unit} in the middle; expected one setpoint's trials",
+                f"command {middle} in the middle; expected one setpoint's trials",
             )
 
 
