@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, learn
-from spa_fo.compare.nominal import nominal_finding, nominal_of_reference
 from spa_fo.errors import BadInput
 from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
@@ -26,7 +25,6 @@ from spa_fo.gap.noise.coloured import Scatter, Spectrum, estimate, misfit, scatt
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented
-from spa_fo.plant.nominal_drive import driven_by
 from spa_fo.rig import CampaignData, Trial
 from spa_fo.rig.trials import before_first_change
 
@@ -146,11 +144,6 @@ def compare(
     BadInput
         A log lacks the signal that drives the model.
     """
-    measured = reference, data
-    nominal = nominal_of_reference(reference, data, progress)
-    if nominal is not None:
-        plain = replace(plain, signal="command") if plain.signal == "pressure" else plain
-        reference, data = (nominal.drive.applied(each) for each in measured)
     progress(f"learning what the model misses on {len(reference.trials)} trials of the reference")
     missed, there = _missed(reference, plain), _missed(data, plain)
     law = learn(missed)
@@ -193,10 +186,9 @@ def compare(
         beyond=beyond,
     )
     model = replace(change.model, extra={**plain.extra, **change.model.extra})
-    if nominal is not None:
-        model = driven_by(model, nominal.drive)
-        change = replace(change, findings=(nominal_finding(nominal, data), *change.findings))
-    return Comparison(*measured, change, law, of_pressure, tuple(mean for mean, _ in common), model)
+    return Comparison(
+        reference, data, change, law, of_pressure, tuple(mean for mean, _ in common), model
+    )
 
 
 def _bent_at_rest(trial: Trial, plain: Model) -> float:

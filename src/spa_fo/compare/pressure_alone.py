@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.compare import Comparison, lost_in_drive, noise_of, shows_drive, uncertain
 from spa_fo.compare.fading_memory import Signal, learn
-from spa_fo.compare.nominal import nominal_finding, nominal_of_reference
 from spa_fo.errors import BadInput
 from spa_fo.gap.answer.findings import drive_finding
 from spa_fo.gap.answer.intervals import drive_intervals
@@ -89,10 +88,6 @@ def compare_pressure(
                     "drive by",
                     trial.label,
                 )
-    measured = reference, data
-    nominal = nominal_of_reference(reference, data, progress)
-    if nominal is not None:
-        reference, data = (nominal.drive.applied(each) for each in measured)
     progress(f"learning what the drive does in {len(reference.trials)} trials of the reference")
     lost, there = ([_lost(trial) for trial in each.trials] for each in (reference, data))
     law = learn(lost)
@@ -110,9 +105,7 @@ def compare_pressure(
     drive = examine_drive(fitted, excluded, x.transfer_function.as_array(), spectrum)
     drive = replace(drive, gap_deg=drive.gap_kpa)
     change = _said(evidence, held, drive, x, tuple(excluded), expected, seed)
-    if nominal is not None:
-        change = replace(change, findings=(*change.findings, nominal_finding(nominal, data)))
-    return Comparison(*measured, change, None, law, common, None)
+    return Comparison(reference, data, change, None, law, common, None)
 
 
 def _lost(trial: Trial) -> Signal:

@@ -2,26 +2,26 @@
 
 Least squares over all rows: levels that never fall at knots of the command, and rates. How many
 knots, whether the pressure falls with a rate of its own, and whether the rate depends on the
-command is chosen by BIC with the residuals' independent samples. Each log is predicted once more
-by a drive that was fitted without it.
+command is chosen by cross-validation: whole logs are left out, or quarters of a lone one, and the
+form that predicts them best is taken. An information criterion counts on independent residuals;
+those of a drive that is not quite of any form here are not, and it takes too rich a form.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from spa_fo.errors import BadInput
-from spa_fo.identify.selection import criteria, independent_samples
 from spa_fo.plant.nominal_drive import NominalDrive, begins_kpa
 from spa_fo.rig import CampaignData, Trial
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 _KNOTS = (2, 3, 5, 8)
 _BINS = 100  # of the commands' range: nearer ones are one level
@@ -32,6 +32,8 @@ _LATEST_S = 1.5
 _SMOOTH = 0.02  # of the pressure's range: weighs a knot that no log visits, and nothing else
 _MOST_ROWS = 6000  # of all logs that a search looks at
 _EVALUATIONS = 40
+_QUARTERS = 4  # of a lone log
+_MOST_FOLDS = 6
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class Form:
 
     def __str__(self) -> str:
         rate = "a rate at each" if self.by_command else "one rate"
-        venting = ", another where the pressure falls" if self.venting else ""
+        venting = ", another where pressure falls" if self.venting else ""
         return f"a curve of {self.knots} levels, {rate}{venting}"
 
 
@@ -74,31 +76,28 @@ class NominalFit:
     rms_kpa : float
         What it misses of the logs that it was fitted to.
     left : tuple of arrays
-        By log, measured less nominal pressure at its rows, of a drive that was fitted without it;
-        of the drive itself where there is but one log.
-    alone : bool
-        Whether there is but one log.
+        By log, measured less nominal pressure at its rows, of a drive that was fitted without them.
+    left_out_by : str
+        "logs", or "quarters" of a lone one.
     """
 
     drive: NominalDrive
     form: Form
     rms_kpa: float
     left: tuple[Floats, ...]
-    alone: bool
+    left_out_by: str
 
     @property
     def left_out_kpa(self) -> float:
-        """RMS of what is missed of logs that took no part."""
-        return float(np.sqrt(np.mean(np.concatenate(self.left) ** 2)))
+        """RMS of what is missed of what took no part."""
+        return _rms(self.left)
 
     def sentence(self) -> str:
         """Say what was found."""
-        missed = f"which it misses by {self.rms_kpa:.2g} kPa"
-        if not self.alone:
-            missed += f", and logs it was not fitted to by {self.left_out_kpa:.2g} kPa"
         return (
             "The command is no pressure: a nominal drive was identified from it and the measured "
-            f"pressure ({self.form}), {missed}."
+            f"pressure ({self.form}), which it misses by {self.rms_kpa:.2g} kPa, and by "
+            f"{self.left_out_kpa:.2g} kPa on {self.left_out_by} that it was not fitted to."
         )
 
 
@@ -137,20 +136,14 @@ def identify_drive(trials: Sequence[Trial]) -> NominalFit:
     counts = [k for k in _KNOTS if k <= positions.size]
     if 2 <= positions.size <= max(_KNOTS) and positions.size not in counts:
         counts.append(positions.size)
-    found = [_fitted(logs, Form(k, venting=True), positions) for k in counts]
-    best = found[_chosen(found)]
-    rivals = [
-        _fitted(logs, Form(best.form.knots, *each), positions)
-        for each in product((False, True), repeat=2)
-        if each != (True, False)
-    ]
-    found = [best, *rivals]
-    best = found[_chosen(found)]
-    alone = len(logs) == 1
-    left = tuple(log.every - best.drive.at(log.t_s, log.commands, log.begins) for log in logs)
-    if not alone:
-        left = tuple(_left_out(logs, i, best) for i in range(len(logs)))
-    return NominalFit(best.drive, best.form, best.rms, left, alone)
+    folds = _folds(logs)
+    tried = [_tried(logs, Form(k, venting=True), positions, folds) for k in counts]
+    best = min(tried, key=_worth)
+    others = [(False, False), (False, True), (True, True)]
+    tried = [_tried(logs, Form(best.form.knots, *each), positions, folds) for each in others]
+    best = min([best, *tried], key=_worth)
+    by = "logs" if len(logs) > 1 else "quarters"
+    return NominalFit(best.drive, best.form, _rms(best.residuals), best.left, by)
 
 
 @dataclass(frozen=True)
@@ -176,25 +169,30 @@ class _Log:
     def command(self) -> Floats:
         return self.commands[self.rows]
 
-    @property
-    def pressure(self) -> Floats:
-        return self.every[self.rows]
+    def without(self, out: Bools) -> _Log:
+        return replace(self, rows=self.rows[~out[self.rows]])
 
-    def left(self, drive: NominalDrive) -> Floats:
-        nominal = drive.at(self.t_s, self.commands, self.begins)
-        return np.asarray((self.every - nominal)[self.rows])
+    def missed(self, drive: NominalDrive) -> Floats:
+        """Return measured less nominal pressure at all rows."""
+        return np.asarray(self.every - drive.at(self.t_s, self.commands, self.begins))
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _Tried:
+    """A form, fitted to all; `left` is what it misses of rows that it was not fitted to."""
+
     form: Form
     drive: NominalDrive
-    z: Floats
     residuals: tuple[Floats, ...]
+    left: tuple[Floats, ...]
 
-    @property
-    def rms(self) -> float:
-        return float(np.sqrt(np.mean(np.concatenate(self.residuals) ** 2)))
+
+def _worth(tried: _Tried) -> tuple[float, int]:
+    return _rms(tried.left), tried.form.free
+
+
+def _rms(parts: Sequence[Floats]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
 def _distinct(commands: Floats) -> Floats:
@@ -206,22 +204,43 @@ def _distinct(commands: Floats) -> Floats:
     return np.array([float(commands[bins == one].mean()) for one in np.unique(bins)])
 
 
-def _chosen(fits: Sequence[_Fit]) -> int:
-    """Return the fit with the smallest BIC; the smallest of all where the samples are too few."""
-    closest = min(fits, key=lambda fit: fit.rms)
-    independent = independent_samples(closest.residuals)
-    scores = [criteria(fit.rms**2, fit.form.free, independent)[1] for fit in fits]
-    free = [fit.form.free for fit in fits]
-    return min(range(len(fits)), key=lambda i: (scores[i] or 0.0, free[i]))
+def _folds(logs: Sequence[_Log]) -> list[list[Bools]]:
+    """List what is left out at a time: of each log, which of its rows."""
+    if len(logs) == 1:
+        rows = np.arange(logs[0].t_s.size)
+        quarter = np.minimum(rows * _QUARTERS // rows.size, _QUARTERS - 1)
+        return [[quarter == i] for i in range(_QUARTERS)]
+    # Shuffled, so that no fold is all of one experiment; always in the same way.
+    fold = np.random.default_rng(0).permutation(len(logs)) % _MOST_FOLDS
+    return [
+        [np.full(log.t_s.size, own == i) for log, own in zip(logs, fold, strict=True)]
+        for i in range(min(len(logs), _MOST_FOLDS))
+    ]
 
 
-def _fitted(
-    logs: Sequence[_Log], form: Form, positions: Floats, start: Floats | None = None
-) -> _Fit:
+def _tried(
+    logs: Sequence[_Log], form: Form, positions: Floats, folds: Sequence[Sequence[Bools]]
+) -> _Tried:
+    """Fit a form to all rows, and again without each fold."""
     problem = _Problem(logs, form, positions)
-    points = [start] if start is not None else problem.starts()
-    z = min(points, key=lambda point: float(np.sum(problem.residual(point) ** 2)))
+    z = _searched(problem, problem.starts())
+    drive = problem.drive(z)
+    left = [np.zeros(log.t_s.size) for log in logs]
+    for out in folds:
+        kept = [log.without(rows) for log, rows in zip(logs, out, strict=True)]
+        others = _Problem([log for log in kept if log.rows.size], form, positions)
+        without = others.drive(_searched(others, [z]))
+        for log, rows, missed in zip(logs, out, left, strict=True):
+            if rows.any():
+                missed[rows] = log.missed(without)[rows]
+    residuals = tuple(log.missed(drive) for log in logs)
+    return _Tried(form, drive, residuals, tuple(left))
+
+
+def _searched(problem: _Problem, starts: Sequence[Floats]) -> Floats:
+    """Return the optimum that the best start leads to."""
     low, high = problem.bounds()
+    z = min(starts, key=lambda point: float(np.sum(problem.residual(point) ** 2)))
     found = least_squares(
         problem.residual,
         np.clip(z, low + 1e-6, high - 1e-6),
@@ -229,16 +248,7 @@ def _fitted(
         x_scale="jac",
         max_nfev=_EVALUATIONS,
     )
-    drive = problem.drive(found.x)
-    return _Fit(form, drive, found.x, tuple(log.left(drive) for log in logs))
-
-
-def _left_out(logs: Sequence[_Log], i: int, best: _Fit) -> Floats:
-    """Return what a drive of the same form that never saw a log misses of it."""
-    others = [log for k, log in enumerate(logs) if k != i]
-    drive = _fitted(others, best.form, best.drive.command, best.z).drive
-    log = logs[i]
-    return np.asarray(log.every - drive.at(log.t_s, log.commands, log.begins))
+    return np.asarray(found.x)
 
 
 class _Problem:
@@ -248,7 +258,7 @@ class _Problem:
         self.logs, self.form = logs, form
         at = np.round(np.linspace(0, positions.size - 1, form.knots)).astype(int)
         self.knots = positions[at]
-        pressures = np.concatenate([log.pressure for log in logs])
+        pressures = np.concatenate([log.every[log.rows] for log in logs])
         self.low, self.span = float(pressures.min()), float(np.ptp(pressures))
         self.weight = _SMOOTH * self.span
 
@@ -293,4 +303,4 @@ class _Problem:
         slopes = np.diff(z[1:k] / gaps) * gaps.mean() / self.span
         rates = np.diff(z[self._rates])
         smooth = self.weight * np.concatenate([slopes, rates])
-        return np.concatenate([*(log.left(drive) for log in self.logs), smooth])
+        return np.concatenate([*(log.missed(drive)[log.rows] for log in self.logs), smooth])

@@ -129,9 +129,7 @@ def examine(
     line = at_port("line")
     fast = NONE if line in excluded else fast_line(evidence)
     drive_floor = None
-    if drive is not None and nominal is not None:
-        drive_floor = nominal.fit.left_out_kpa * drive.per_kpa_deg
-    elif drive is not None and beyond is not None:
+    if drive is not None and beyond is not None:
         drive_floor = beyond.pressure_kpa * drive.per_kpa_deg
     verdict = decide(found, drive, fast, evidence, floor, drive_floor)
     return Examined(data, everything, held, given, excluded, drive, found, verdict, floor, nominal)
