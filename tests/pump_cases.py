@@ -32,6 +32,7 @@ class Pump:
 
     curve: float = 1.5
     top_kpa: float = 60.0
+    laminar_kpa: float = 15.0  # a larger difference goes with its root, as through an orifice
 
     def levels(self, pwm: np.ndarray) -> np.ndarray:
         return np.asarray(self.top_kpa * (pwm / FULL) ** self.curve)
@@ -39,7 +40,9 @@ class Pump:
     def pressure(self, pwm: np.ndarray) -> np.ndarray:
         kpa, out = 0.0, []
         for level in self.levels(pwm).tolist():
-            kpa += (level - kpa) / (STEPS * (FILLING_S if level > kpa else VENTING_S))
+            seconds = FILLING_S if level > kpa else VENTING_S
+            seconds *= (1.0 + abs(level - kpa) / self.laminar_kpa) ** 0.5
+            kpa += (level - kpa) / (STEPS * seconds)
             out.append(kpa)
         return np.array(out)
 

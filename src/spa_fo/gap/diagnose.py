@@ -220,11 +220,11 @@ def diagnose(
         held_out_on=held.text,
         shrink=claimed.shrink if explained else None,
         offers=offers(everything),
-        misses=misses(everything),
+        misses=misses(everything, commanded=nominal is not None),
         findings=(
             *findings(verdict, examined.found.bench.own, noise.spectrum.repeats > 0, floor),
             *law_finding(missing, held, everything),
-            *(() if nominal is None else nominal.sentences()),
+            *(() if nominal is None else nominal.sentences(examined.drive is not None)),
             *drive_finding(examined.drive, everything, held),
             *filter(None, [noise.sentence()]),
         ),

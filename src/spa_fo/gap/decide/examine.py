@@ -8,16 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.data.floor import noise_floor
 from spa_fo.gap.data.hold_out import HeldOut, hold_out
-from spa_fo.gap.decide.nominal import Nominal, check_driven, nominal_of
+from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure, with_nominal
 from spa_fo.gap.decide.verdict import Verdict
 from spa_fo.gap.decide.weigh import decide
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.noise.bench_noise import Beyond
-from spa_fo.gap.noise.coloured import Spectrum
 from spa_fo.gap.noise.interference import NONE, fast_line
 from spa_fo.gap.search.drive import Drive, examine_drive
 from spa_fo.gap.search.drive_by_angle import joined
@@ -88,31 +86,29 @@ def examine(
     `rng` chooses the trials that are held out.
     """
     check_driven(plain, data)
-    stands = data.campaign.command_is_pressure
-    if plain.signal == "pressure" and stands:
-        data = _driven_by_pressure(data)
+    by_command = data.campaign.command_is_pressure
+    if plain.signal == "pressure" and by_command:
+        data = driven_by_pressure(data)
     # The model's u, whatever the campaign's own would be.
     campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
     data = replace(data, campaign=campaign)
     everything = collect(data)
     excluded = tuple(excluded)
+    held = hold_out(everything, rng)
+    given = plain.transfer_function.as_array()
+    nominal = drive = None
+    if not by_command:
+        progress("identifying the drive from command and pressure")
+        nominal, drive, everything = with_nominal(data, everything, held, excluded, given)
+        data = everything.data
     if everything.grid.command_kpa is None:
         drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
-    held = hold_out(everything, rng)
-    nominal = None
-    if not stands:
-        progress("identifying the drive from command and pressure")
-        taking_part = zip(everything.grid.trials, ~held.trials, strict=True)
-        nominal = nominal_of(data, [trial for trial, part in taking_part if part])
-        data = nominal.fit.drive.applied(data)
-        everything = collect(data)
     evidence = replace(everything, takes_part=~held.trials)
-    given = plain.transfer_function.as_array()
     progress(f"explaining {evidence.takes_part.sum()} trials")
-    drive = None
-    if evidence.has_pressure:
-        drive = examine_drive(evidence, excluded, given, _expected(beyond, nominal))
+    if evidence.has_pressure and drive is None:
+        expected = None if beyond is None else beyond.pressure
+        drive = examine_drive(evidence, excluded, given, expected)
     own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
     bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa, beyond)
     floor = noise_floor(everything)
@@ -129,23 +125,9 @@ def examine(
     line = at_port("line")
     fast = NONE if line in excluded else fast_line(evidence)
     drive_floor = None
-    if drive is not None and beyond is not None:
+    if drive is not None and nominal is not None:
+        drive_floor = nominal.fit.left_out_kpa * drive.per_kpa_deg
+    elif drive is not None and beyond is not None:
         drive_floor = beyond.pressure_kpa * drive.per_kpa_deg
     verdict = decide(found, drive, fast, evidence, floor, drive_floor)
     return Examined(data, everything, held, given, excluded, drive, found, verdict, floor, nominal)
-
-
-def _expected(beyond: Beyond | None, nominal: Nominal | None) -> Spectrum | None:
-    """Return what is to be expected of the pressure beside its sensor's noise."""
-    if nominal is not None:
-        return nominal.spectrum
-    return None if beyond is None else beyond.pressure
-
-
-def _driven_by_pressure(data: CampaignData) -> CampaignData:
-    """Leave the command out: the model takes the measured pressure for what drives it."""
-    if any(trial.pressure_kpa is None for trial in data.trials):
-        signal = "pressure"
-        raise BadInput(data.campaign.folder, f"expected a {signal} column: it drives the model")
-    trials = tuple(replace(trial, command_kpa=None) for trial in data.trials)
-    return replace(data, trials=trials)
