@@ -20,7 +20,7 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.data.hold_out import hold_out
 from spa_fo.gap.decide.examine import examine
-from spa_fo.identify.nominal_fit import identify_drive
+from spa_fo.identify.nominal_fit import Form, _distinct, _folds, _Log, _tried, identify_drive
 from spa_fo.identify.predict import predict_campaign
 from spa_fo.plant.memory import FINEST_STEP_S
 from spa_fo.plant.nominal_drive import KEY, NominalDrive, driven_by, follow
@@ -139,7 +139,7 @@ def test_curve_and_rates_come_back() -> None:
     rng = np.random.default_rng(3)
     trials = []
     for top in (50.0, 100.0, 75.0):
-        command = np.repeat([0.0, top, 0.5 * top, 0.0], [50, 200, 200, 250])
+        command = np.repeat([0.0, top, 50.0, 0.0], [50, 200, 200, 250])
         pressure = truth.at_rows(trial_of(command)) + rng.normal(0.0, 0.1, command.size)
         trials.append(trial_of(command, pressure))
     found = identify_drive(trials)
@@ -153,13 +153,19 @@ def test_curve_and_rates_come_back() -> None:
 
 
 def test_what_is_left_out_takes_no_part(before: Path) -> None:
-    """A log that another drive made spoils what is said of it, and not what is said of others."""
+    """What is expected of a log that is left out is the same, whatever it holds."""
     trials = list(Campaign.load(before).trials[:6])
     assert trials[0].pressure_kpa is not None
     strange = replace(trials[0], pressure_kpa=2.0 * trials[0].pressure_kpa)
-    found = identify_drive([strange, *trials[1:]])
-    rms = [float(np.sqrt(np.mean(left**2))) for left in found.left]
-    assert rms[0] > 3.0 * max(rms[1:])
+    expected = []
+    for first in (trials[0], strange):
+        logs = [_Log.of(trial, 0) for trial in [first, *trials[1:]]]
+        positions = _distinct(np.concatenate([log.command for log in logs]))
+        found = _tried(logs, Form(3, venting=True), positions, _folds(logs))
+        expected.append(logs[0].every - found.left[0])
+    apart = expected[0] - expected[1]
+    begins = 2.0 * np.abs(strange.pressure_kpa[:5]).mean()  # which is measured
+    assert np.abs(apart).max() < 0.5 + begins
 
 
 def test_a_lone_log_is_judged_by_its_quarters(before: Path) -> None:

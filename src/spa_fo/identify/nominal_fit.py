@@ -3,8 +3,9 @@
 Least squares over all rows: levels that never fall at knots of the command, and rates. How many
 knots, whether the pressure falls with a rate of its own, and whether the rate depends on the
 command is chosen by cross-validation: whole logs are left out, or quarters of a lone one, and the
-form that predicts them best is taken. An information criterion counts on independent residuals;
-those of a drive that is not quite of any form here are not, and it takes too rich a form.
+simplest form that predicts them as well as the best does, within a standard error, is taken. An
+information criterion counts on independent residuals; those of a drive that is not quite of any
+form here are not, and it takes too rich a form.
 """
 
 from __future__ import annotations
@@ -138,10 +139,10 @@ def identify_drive(trials: Sequence[Trial]) -> NominalFit:
         counts.append(positions.size)
     folds = _folds(logs)
     tried = [_tried(logs, Form(k, venting=True), positions, folds) for k in counts]
-    best = min(tried, key=_worth)
+    best = _chosen(tried)
     others = [(False, False), (False, True), (True, True)]
     tried = [_tried(logs, Form(best.form.knots, *each), positions, folds) for each in others]
-    best = min([best, *tried], key=_worth)
+    best = _chosen([best, *tried])
     by = "logs" if len(logs) > 1 else "quarters"
     return NominalFit(best.drive, best.form, _rms(best.residuals), best.left, by)
 
@@ -179,16 +180,27 @@ class _Log:
 
 @dataclass(frozen=True)
 class _Tried:
-    """A form, fitted to all; `left` is what it misses of rows that it was not fitted to."""
+    """A form, fitted to all; `left` is what it misses of rows that it was not fitted to.
+
+    `squares` are the means of its squares, by fold.
+    """
 
     form: Form
     drive: NominalDrive
     residuals: tuple[Floats, ...]
     left: tuple[Floats, ...]
+    squares: Floats
 
 
-def _worth(tried: _Tried) -> tuple[float, int]:
-    return _rms(tried.left), tried.form.free
+def _chosen(tried: Sequence[_Tried]) -> _Tried:
+    """Return the simplest form that is not worse than the best by more than a standard error."""
+    best = min(tried, key=lambda one: float(one.squares.mean()))
+    folds = best.squares.size
+    for one in sorted(tried, key=lambda one: one.form.free):
+        worse = one.squares - best.squares
+        if worse.mean() <= worse.std(ddof=1) / np.sqrt(folds):
+            return one
+    return best
 
 
 def _rms(parts: Sequence[Floats]) -> float:
@@ -226,6 +238,7 @@ def _tried(
     z = _searched(problem, problem.starts())
     drive = problem.drive(z)
     left = [np.zeros(log.t_s.size) for log in logs]
+    squares = []
     for out in folds:
         kept = [log.without(rows) for log, rows in zip(logs, out, strict=True)]
         others = _Problem([log for log in kept if log.rows.size], form, positions)
@@ -233,8 +246,10 @@ def _tried(
         for log, rows, missed in zip(logs, out, left, strict=True):
             if rows.any():
                 missed[rows] = log.missed(without)[rows]
+        pairs = zip(left, out, strict=True)
+        squares.append(np.mean(np.concatenate([missed[rows] for missed, rows in pairs]) ** 2))
     residuals = tuple(log.missed(drive) for log in logs)
-    return _Tried(form, drive, residuals, tuple(left))
+    return _Tried(form, drive, residuals, tuple(left), np.array(squares))
 
 
 def _searched(problem: _Problem, starts: Sequence[Floats]) -> Floats:
