@@ -149,7 +149,6 @@ def test_curve_and_rates_come_back() -> None:
     commands = np.array([0.0, 50.0, 75.0, 100.0])
     np.testing.assert_allclose(found.drive.levels(commands), truth.levels(commands), atol=0.4)
     assert found.rms_kpa == pytest.approx(0.1, rel=0.1)
-    assert found.left_out_kpa == pytest.approx(0.1, rel=0.5)
 
 
 def test_what_is_left_out_takes_no_part(before: Path) -> None:

@@ -57,10 +57,10 @@ def check_levels(campaign: Campaign, trials: Sequence[Trial]) -> None:
             continue
         odd = odd_level(levels)
         if odd is not None:
-            middle = f"{np.median(levels):g}{unit}"
+            own, middle = f"{levels[odd]:g}{unit}", f"{np.median(levels):g}{unit}"
             raise BadInput(
                 found[odd][0].path,
-                f"commands {levels[odd]:g}{unit}, but the trials of experiment '{experiment.name}' "
+                f"commands {own}, but the trials of experiment '{experiment.name}' "
                 f"command {middle} in the middle; expected one setpoint's trials",
             )
 
