@@ -187,7 +187,7 @@ def _add_fit(commands: Commands) -> None:
         "--input",
         choices=("command", "pressure"),
         help="signal that drives the model; pressure is fitted on whole logs (default: command, "
-        "where the logs hold one)",
+        "where the logs hold one that is a pressure)",
     )
     parser.add_argument(
         "--static-curve",

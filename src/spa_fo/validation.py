@@ -171,7 +171,7 @@ def _explain(error: jsonschema.ValidationError) -> tuple[list[str | int], str]:
     shown = _shorten(value)
     expected: dict[str, Callable[[], str]] = {
         "type": lambda: _types(limit),
-        "enum": lambda: "one of " + ", ".join(map(str, limit)),
+        "enum": lambda: "one of " + ", ".join(dict.fromkeys(map(str, limit))),
         "const": lambda: f"{limit}",
         "minimum": lambda: f"at least {limit}",
         "maximum": lambda: f"at most {limit}",
@@ -183,7 +183,7 @@ def _explain(error: jsonschema.ValidationError) -> tuple[list[str | int], str]:
         "minProperties": lambda: f"at least {limit} entries",
     }
     if rule == "enum" and isinstance(value, str):
-        return keys, f"is {shown}{suggestion(value, [str(item) for item in limit])}"
+        return keys, f"is {shown}{suggestion(value, dict.fromkeys(map(str, limit)))}"
     if rule in expected:
         return keys, f"is {shown}; expected {expected[rule]()}"
     hint = error.schema.get("description") if isinstance(error.schema, Mapping) else None

@@ -55,6 +55,8 @@ class ExperimentOverview:
         it never does.
     line_deg : (n,) array
         The first trial's angle, for a small line.
+    command_unit : str
+        Empty where the command is no pressure.
     """
 
     experiment: Experiment
@@ -67,6 +69,7 @@ class ExperimentOverview:
     angle_deg: Range
     rest_deg: Range | None
     line_deg: Floats
+    command_unit: str = " kPa"
 
     def cells(self) -> list[str]:
         """Return a row of text, in the order of `COLUMNS`."""
@@ -79,7 +82,7 @@ class ExperimentOverview:
             f"{self.samples}",
             f"{self.longest_s:.1f} s",
             f"{self.rate_hz:.3g} Hz",
-            _range_text(self.command_kpa, " kPa"),
+            _range_text(self.command_kpa, self.command_unit),
             _range_text(self.pressure_kpa, " kPa"),
             _range_text(self.angle_deg, "°"),
             _range_text(self.rest_deg, "°"),
@@ -88,8 +91,9 @@ class ExperimentOverview:
 
 def overview(data: CampaignData) -> tuple[ExperimentOverview, ...]:
     """Look at every experiment of a campaign, in the order of campaign.yaml."""
+    unit = " kPa" if data.campaign.command_is_pressure else ""
     return tuple(
-        _experiment(experiment, [t for t in data.trials if t.experiment == experiment.name])
+        _experiment(experiment, [t for t in data.trials if t.experiment == experiment.name], unit)
         for experiment in data.campaign.experiments
     )
 
@@ -115,7 +119,9 @@ def spark_line(values: Floats, length: int = _LINE) -> str:
     return "".join(_BLOCKS[round((mean - low) / span * (len(_BLOCKS) - 1))] for mean in means)
 
 
-def _experiment(experiment: Experiment, trials: Sequence[Trial]) -> ExperimentOverview:
+def _experiment(
+    experiment: Experiment, trials: Sequence[Trial], command_unit: str
+) -> ExperimentOverview:
     intervals = np.concatenate([np.diff(trial.t_s) for trial in trials])
     return ExperimentOverview(
         experiment=experiment,
@@ -128,6 +134,7 @@ def _experiment(experiment: Experiment, trials: Sequence[Trial]) -> ExperimentOv
         angle_deg=_range([trial.angle_deg for trial in trials]) or (np.nan, np.nan),
         rest_deg=_range([_rest(trial) for trial in trials]),
         line_deg=trials[0].angle_deg,
+        command_unit=command_unit,
     )
 
 

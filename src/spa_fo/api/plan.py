@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from spa_fo.api.campaign import Campaign
 from spa_fo.api.show import card
+from spa_fo.gap.decide.nominal import driven_by_pressure
 from spa_fo.gap.plan.profile_choice import Advice, plan_campaign, report
 from spa_fo.gap.plan.profiles import Profile, write_profile
 from spa_fo.gap.plan.rivals import Standing
@@ -23,7 +24,10 @@ def plan_next(
     max_pressure_kpa: float | None = None,
 ) -> Plan:
     """Plan what follows a diagnosis; see `spa_fo.gap.plan.plan_campaign`."""
-    advice = plan_campaign(campaign.data, standing, max_duration_s, max_pressure_kpa)
+    data = campaign.data
+    if not data.campaign.command_is_pressure:  # a profile is one of pressures
+        data = driven_by_pressure(data)
+    advice = plan_campaign(data, standing, max_duration_s, max_pressure_kpa)
     return Plan(advice, campaign)
 
 

@@ -81,6 +81,7 @@ class Prediction:
 
         first = {trial.experiment: trial for trial in reversed(self.campaign.trials)}
         panels = []
+        commanded = self.campaign.data.campaign.command_is_pressure
         for experiment in dict.fromkeys(trial.experiment for trial in self.campaign.trials):
             trial = first[experiment]
             rows = self.table["experiment"] == experiment
@@ -91,7 +92,7 @@ class Prediction:
                     trial.t_s,
                     trial.angle_deg,
                     predicted.to_numpy(),
-                    trial.command_kpa,
+                    trial.command_kpa if commanded else trial.pressure_kpa,
                 )
             )
         return log_figure(panels, "model")

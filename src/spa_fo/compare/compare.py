@@ -22,7 +22,7 @@ from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.gap.noise.bench_noise import TYPICAL, Beyond
-from spa_fo.gap.noise.coloured import Differences, Scatter, Spectrum, estimate, scatter
+from spa_fo.gap.noise.coloured import Scatter, Spectrum, estimate, misfit, scatter
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented
@@ -34,7 +34,6 @@ Progress = Callable[[str], None]
 
 SCHEMA = "spa-fo/comparison/1"
 NOTHING_CHANGED = "nothing_changed"
-_ROWS = 100  # of a trial, that the noise is estimated from
 _WHITE = 1e-3  # deg or kPa: what is averaged holds next to no white noise
 
 
@@ -284,7 +283,7 @@ def noise_of(
     `shapes` are what a gain of a trial's own would multiply.
     """
     differences = [
-        _difference(signal.t_s, left, shape)
+        misfit(signal.t_s, left, shape)
         for signal, left, shape in zip(signals, law.left, shapes, strict=True)
     ]
     spectrum = estimate(differences, _WHITE)
@@ -293,24 +292,3 @@ def noise_of(
     more = 1.0 + uncertain(found) ** 2 / total
     wider = replace(spectrum, white=0.0, coloured=spectrum.coloured * more)
     return wider, scatter(differences, spectrum, TYPICAL)
-
-
-def _difference(time_s: Floats, left: Floats, shape: Floats) -> Differences:
-    merge = -(-left.size // _ROWS)
-    first = np.arange(0, left.size, merge)
-    count = np.add.reduceat(np.ones(left.size), first)
-
-    def merged(values: Floats) -> Floats:
-        return np.asarray(np.add.reduceat(values, first) / count)
-
-    time, angle = merged(time_s), merged(shape)
-    width = np.full(first.size, float(np.median(np.diff(time_s))) * merge)
-    nuisances = np.column_stack([np.ones(first.size), angle, np.gradient(angle, time), 0.0 * time])
-    return Differences(
-        values=merged(left)[None, :],
-        nuisances=nuisances,
-        fixed=np.full(first.size, 1e-6),
-        time_s=time,
-        width_s=width,
-        count=count,
-    )

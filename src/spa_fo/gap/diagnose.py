@@ -33,6 +33,7 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, read_model, write_model
 from spa_fo.plant.effects.library import COMMONEST, LIBRARY
 from spa_fo.plant.effects.own import use_effects_of
+from spa_fo.plant.nominal_drive import driven_by
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
@@ -187,6 +188,9 @@ def diagnose(
     final = _on_all_trials(examined, verdict, progress) if explained else None
     missing = _missing(examined, verdict, claimed, progress)
     model = model_of(final, missing.worth_a_model, examined.found, everything, held, plain)
+    nominal = examined.nominal
+    if nominal is not None:
+        model = driven_by(model, nominal.fit.drive)
     curves = claimed.curves
     located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
     everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
@@ -216,10 +220,11 @@ def diagnose(
         held_out_on=held.text,
         shrink=claimed.shrink if explained else None,
         offers=offers(everything),
-        misses=misses(everything),
+        misses=misses(everything, commanded=nominal is not None),
         findings=(
             *findings(verdict, examined.found.bench.own, noise.spectrum.repeats > 0, floor),
             *law_finding(missing, held, everything),
+            *(() if nominal is None else nominal.sentences(examined.drive is not None)),
             *drive_finding(examined.drive, everything, held),
             *filter(None, [noise.sentence()]),
         ),

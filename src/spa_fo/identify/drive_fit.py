@@ -25,7 +25,6 @@ from spa_fo.rig import CampaignData
 
 KEY = "drive"
 """Key of a model file that holds the drive."""
-_NO_PRESSURE = "1"
 _RISEN = 1.0 - np.exp(-1.0)
 _WIDTH = 96
 
@@ -113,8 +112,7 @@ def fit_drive(data: CampaignData) -> DriveFit | None:
     BadInput
         A trial has too few samples.
     """
-    command = (data.campaign.log.columns or {}).get("command")
-    if command is None or command.unit != _NO_PRESSURE:
+    if data.campaign.command_is_pressure:
         return None
     both = [
         replace(trial, angle_deg=trial.pressure_kpa)

@@ -59,8 +59,8 @@ def fit_campaign(
     whole_logs : bool
         Fit whole logs even where there are up-steps.
     signal : {"command", "pressure"}, optional
-        Which pressure drives the model: the command, or where no log holds one the measured
-        pressure, unless given.
+        Which pressure drives the model: the command, or where no log holds one, or the command is
+        no pressure, the measured pressure, unless given.
     points : int
         Points taken of each step response.
     bootstrap : int or None
@@ -86,7 +86,9 @@ def fit_campaign(
 
 
 def _signal_of(data: CampaignData) -> str:
-    """Return the command, or the measured pressure where no log holds a command."""
+    """Return the command, or the measured pressure where no log holds one that is a pressure."""
+    if not data.campaign.command_is_pressure:
+        return "pressure"
     logged = any(trial.command_kpa is not None for trial in data.trials)
     return "command" if logged else "pressure"
 

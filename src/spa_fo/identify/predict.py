@@ -14,6 +14,7 @@ from spa_fo.identify.whole_log import HOLD, input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import is_augmented, predict_alone, predict_augmented
 from spa_fo.plant.effects.own import use_effects_of
+from spa_fo.plant.nominal_drive import drive_of
 from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import CampaignData, Trial
 
@@ -67,6 +68,9 @@ def predict_campaign(
         what the library expects.
     """
     use_effects_of(data.campaign.folder)
+    drive = drive_of(model, source)
+    if drive is not None:
+        data = drive.applied(data)
     for trial, (_, _, file) in zip(data.trials, data.campaign.trial_files(), strict=True):
         if input_of(trial, model.signal) is None:
             raise BadInput(file.path, f"expected a {model.signal} column: it drives the model")

@@ -66,7 +66,8 @@ def campaign_figure(data: CampaignData) -> Figure:
             right.spines["right"].set_visible(True)
             right.grid(visible=False)
             word = "command" if commanded else "pressure"
-            right.set_ylabel(f"{word} (kPa)", color=ORANGE)
+            unit = " (kPa)" if data.campaign.command_is_pressure or not commanded else ""
+            right.set_ylabel(f"{word}{unit}", color=ORANGE)
         count = f"{len(trials)} trials" if len(trials) > 1 else "1 trial"
         axes.set_title(f"{experiment.name}: {count}", loc="left")
         axes.set_xlabel("time (s)")

@@ -107,13 +107,14 @@ def log_panels(data: CampaignData, model: Model) -> list[LogPanel]:
     for trial in data.trials:
         first.setdefault(trial.experiment, trial)
     ordered = sorted(first.values(), key=is_step)
+    commanded = data.campaign.command_is_pressure
     return [
         LogPanel(
             title=trial.label,
             t_s=trial.t_s,
             measured_deg=trial.angle_deg,
             predicted_deg=predict_trial(model, trial),
-            pressure_kpa=trial.command_kpa,
+            pressure_kpa=trial.command_kpa if commanded else trial.pressure_kpa,
         )
         for trial in ordered
     ]

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from spa_fo.errors import BadInput
 from spa_fo.places import campaign_folder
 from spa_fo.rig import checksums
-from spa_fo.rig.log_format import ANGLES, LogFormat, log_format
+from spa_fo.rig.log_format import ANGLES, NO_UNIT, LogFormat, log_format
 from spa_fo.validation import load_yaml, package_schema, validate
 
 Floats = npt.NDArray[np.float64]
@@ -100,6 +100,18 @@ class Campaign:
     def has_angle(self) -> bool:
         """Whether its logs say how far the actuator bends."""
         return self.log.columns is None or bool(ANGLES & self.log.columns.keys())
+
+    @property
+    def command_is_pressure(self) -> bool:
+        """Whether the command stands for a pressure.
+
+        It does not where its unit is 1, as of a PWM, a duty or volts, and a pressure was measured
+        beside it.
+        """
+        command, pressure = ((self.log.columns or {}).get(n) for n in ("command", "pressure"))
+        if command is None or pressure is None:
+            return True
+        return command.unit != NO_UNIT or pressure.unit == NO_UNIT
 
     @property
     def yaml(self) -> Path:

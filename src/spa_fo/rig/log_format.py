@@ -13,6 +13,8 @@ from spa_fo.rig.timestamps import is_format
 
 ANGLES = frozenset({"angle", "flex_adc"})
 """Columns that say how far the actuator bends."""
+NO_UNIT = "1"
+"""Unit of counts, and of a command that is no pressure."""
 DATETIME = "datetime"
 """Unit of a time that is written as a date and time, or as a time of day."""
 

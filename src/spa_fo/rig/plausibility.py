@@ -66,21 +66,24 @@ def _refuse_durations(campaign: Campaign, trials: Sequence[Trial]) -> None:
 
 
 def _reference_off(campaign: Campaign, trials: Sequence[Trial]) -> Iterator[str]:
-    commands = [float(np.abs(t.command_kpa).max()) for t in trials if t.command_kpa is not None]
-    largest = max(commands, default=0.0)
+    signal, named = "command", "commands"
+    if not campaign.command_is_pressure:
+        signal, named = "pressure", "measured pressures"
+    inputs = [t.command_kpa if signal == "command" else t.pressure_kpa for t in trials]
+    largest = max((float(np.abs(one).max()) for one in inputs if one is not None), default=0.0)
     if largest == 0.0:
         return
     reference = campaign.reference_kpa
     if not 1.0 / _IMPOSSIBLE < largest / reference < _IMPOSSIBLE:
         raise BadInput(
             campaign.yaml,
-            f"is {reference:g}, but the commands reach {largest:g} kPa; expected about as much",
+            f"is {reference:g}, but the {named} reach {largest:g} kPa; expected about as much",
             "input.reference_kpa",
         )
     if not 1.0 / _FACTOR_OFF < largest / reference < _FACTOR_OFF:
         yield (
-            f"input.reference_kpa is {reference:g}, but the commands reach {largest:.4g} kPa: a "
-            "unit or scale of log.columns.command, or the reference, may be wrong"
+            f"input.reference_kpa is {reference:g}, but the {named} reach {largest:.4g} kPa: a "
+            f"unit or scale of log.columns.{signal}, or the reference, may be wrong"
         )
 
 

@@ -17,7 +17,8 @@ Bools = npt.NDArray[np.bool_]
 class Trial:
     """One trial: its valid samples, all arrays of shape (n,), no NaN anywhere.
 
-    `trial` is the 1-based place in the experiment's list, `order` the place in the campaign,
+    Where the command is no pressure (`Campaign.command_is_pressure`), `command_kpa` holds it as
+    logged. `trial` is the 1-based place in the experiment's list, `order` that in the campaign,
     `started_s` campaign time; `t_s` runs from the trial's first sample. Gauge pressures in kPa,
     None where the log holds none; angles in degrees; `flex_adc` None where the log holds angles.
     `after_reset` marks samples whose time is an estimate, `outside_calibration` those whose flex

@@ -52,14 +52,16 @@ def check_levels(campaign: Campaign, trials: Sequence[Trial]) -> None:
             and trial.command_kpa.max() > 0.0
         ]
         levels = np.array([level for _, level in found])
+        unit = " kPa" if campaign.command_is_pressure else ""
         if levels.size < 2:
             continue
         odd = odd_level(levels)
         if odd is not None:
+            own, middle = f"{levels[odd]:g}{unit}", f"{np.median(levels):g}{unit}"
             raise BadInput(
                 found[odd][0].path,
-                f"commands {levels[odd]:g} kPa, but the trials of experiment '{experiment.name}' "
-                f"command {np.median(levels):g} kPa in the middle; expected one setpoint's trials",
+                f"commands {own}, but the trials of experiment '{experiment.name}' "
+                f"command {middle} in the middle; expected one setpoint's trials",
             )
 
 

@@ -68,9 +68,13 @@ def lacking(evidence: Evidence) -> tuple[str, ...]:
     return tuple(name for name in MISSING if absent[name])
 
 
-def misses(evidence: Evidence) -> tuple[str, ...]:
-    """Say what a campaign lacks that would tell causes apart."""
-    return tuple(MISSING[name] for name in lacking(evidence))
+def misses(evidence: Evidence, commanded: bool = False) -> tuple[str, ...]:
+    """Say what a campaign lacks that would tell causes apart.
+
+    `commanded` says that a command was logged, though it is no pressure.
+    """
+    absent = [name for name in lacking(evidence) if not (commanded and name == "command")]
+    return tuple(MISSING[name] for name in absent)
 
 
 def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> tuple[str, ...]:

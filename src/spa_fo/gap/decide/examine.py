@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Evidence, collect, with_usual
 from spa_fo.gap.data.floor import noise_floor
 from spa_fo.gap.data.hold_out import HeldOut, hold_out
+from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure, with_nominal
 from spa_fo.gap.decide.verdict import Verdict
 from spa_fo.gap.decide.weigh import decide
 from spa_fo.gap.fit.bench import bench_for
@@ -57,6 +57,8 @@ class Examined:
         The answer, before it is held against the other trials.
     floor_deg : float
         The noise floor.
+    nominal : Nominal or None
+        What stands for a command that is no pressure; the campaign then holds its pressure.
     """
 
     data: CampaignData
@@ -68,6 +70,7 @@ class Examined:
     found: Explanations
     verdict: Verdict
     floor_deg: float
+    nominal: Nominal | None = None
 
 
 def examine(
@@ -82,26 +85,31 @@ def examine(
 
     `rng` chooses the trials that are held out.
     """
-    if plain.signal == "pressure":
-        data = _driven_by_pressure(data)
+    check_driven(plain, data)
+    by_command = data.campaign.command_is_pressure
+    if plain.signal == "pressure" and by_command:
+        data = driven_by_pressure(data)
     # The model's u, whatever the campaign's own would be.
     campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
     data = replace(data, campaign=campaign)
     everything, given = collect(data), plain.transfer_function.as_array()
+    excluded = tuple(excluded)
+    held = hold_out(everything, rng)
+    nominal = drive = None
+    if not by_command:
+        progress("identifying the drive from command and pressure")
+        nominal, drive, everything = with_nominal(data, everything, held, excluded, given)
+        data = everything.data
     if beyond is not None and beyond.usual:
         everything = with_usual(everything, beyond.usual, given)
-    excluded = tuple(excluded)
     if everything.grid.command_kpa is None:
         drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
-    held = hold_out(everything, rng)
     evidence = replace(everything, takes_part=~held.trials)
     progress(f"explaining {evidence.takes_part.sum()} trials")
-    drive = None
-    if evidence.has_pressure:
-        drive = examine_drive(
-            evidence, excluded, given, None if beyond is None else beyond.pressure
-        )
+    if evidence.has_pressure and drive is None:
+        expected = None if beyond is None else beyond.pressure
+        drive = examine_drive(evidence, excluded, given, expected)
     own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
     bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa, beyond)
     floor = noise_floor(everything)
@@ -118,16 +126,9 @@ def examine(
     line = at_port("line")
     fast = NONE if line in excluded else fast_line(evidence)
     drive_floor = None
-    if drive is not None and beyond is not None:
+    if drive is not None and nominal is not None:
+        drive_floor = nominal.fit.left_out_kpa * drive.per_kpa_deg
+    elif drive is not None and beyond is not None:
         drive_floor = beyond.pressure_kpa * drive.per_kpa_deg
     verdict = decide(found, drive, fast, evidence, floor, drive_floor)
-    return Examined(data, everything, held, given, excluded, drive, found, verdict, floor)
-
-
-def _driven_by_pressure(data: CampaignData) -> CampaignData:
-    """Leave the command out: the model takes the measured pressure for what drives it."""
-    if any(trial.pressure_kpa is None for trial in data.trials):
-        signal = "pressure"
-        raise BadInput(data.campaign.folder, f"expected a {signal} column: it drives the model")
-    trials = tuple(replace(trial, command_kpa=None) for trial in data.trials)
-    return replace(data, trials=trials)
+    return Examined(data, everything, held, given, excluded, drive, found, verdict, floor, nominal)

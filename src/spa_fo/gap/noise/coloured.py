@@ -160,6 +160,31 @@ def contrasts(
     return Differences(helmert @ angles_deg, nuisances, fixed, time_s, width_s, count)
 
 
+def misfit(time_s: Floats, left: Floats, shape: Floats) -> Differences:
+    """Take what is left of one trial's signal for noise, (n,) arrays.
+
+    `shape` is what a gain of the trial's own would multiply.
+    """
+    merge = -(-left.size // _MOST_ROWS)
+    first = np.arange(0, left.size, merge)
+    count = np.add.reduceat(np.ones(left.size), first)
+
+    def merged(values: Floats) -> Floats:
+        return np.asarray(np.add.reduceat(values, first) / count)
+
+    time, angle = merged(time_s), merged(shape)
+    width = np.full(first.size, float(np.median(np.diff(time_s))) * merge)
+    nuisances = np.column_stack([np.ones(first.size), angle, np.gradient(angle, time), 0.0 * time])
+    return Differences(
+        values=merged(left)[None, :],
+        nuisances=nuisances,
+        fixed=np.full(first.size, 1e-6),
+        time_s=time,
+        width_s=width,
+        count=count,
+    )
+
+
 def estimate(differences: Sequence[Differences], white_deg: float) -> Spectrum:
     """Estimate the noise within trials.
 

@@ -1,0 +1,155 @@
+"""A command that is no pressure: a nominal drive stands for it, and what that misses is expected.
+
+It is identified on the trials that take part. So what an effect of the drive has in common with it
+is in it already; what is left for an effect is a departure from it, beyond what it misses of trials
+that it was not fitted to. Where the pressure shows none, the measured pressure drives the model, so
+that what the nominal drive misses is not laid to the actuator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.errors import BadInput
+from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.data.hold_out import HeldOut, judged
+from spa_fo.gap.decide.weigh import decide_drive
+from spa_fo.gap.noise.coloured import Spectrum, estimate, misfit
+from spa_fo.gap.search.drive import Drive, examine_drive
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.identify.nominal_fit import NominalFit, drive_logs, identify_drive
+from spa_fo.plant import Model
+from spa_fo.rig import CampaignData, Trial
+
+Floats = NDArray[np.float64]
+
+_WHITE_KPA = 1e-3
+_SHARED = (
+    "It was identified on this very campaign, so it holds what is always the same of the drive: a "
+    "lag, a delay, a leak or a gain of the drive's own cannot be told from it. Only a departure "
+    "from it can; to see a change of the drive, compare with an earlier campaign."
+)
+_DEPARTS = "The drive departs from it: the gap is that of the model driven by the nominal drive."
+_AS_NOMINAL = (
+    "No effect of the drive departs from it by more than it misses itself: the measured pressure "
+    "drives the model, and the gap is that of actuator, sensor and log."
+)
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """What stands for the command.
+
+    Attributes
+    ----------
+    fit : NominalFit
+        The drive, and what it misses.
+    spectrum : Spectrum
+        Of that, kPa².
+    """
+
+    fit: NominalFit
+    spectrum: Spectrum
+
+    def sentences(self, departs: bool) -> tuple[str, ...]:
+        """Say what it is, what it hides, and whether the drive departs from it."""
+        return self.fit.sentence(), _SHARED, _DEPARTS if departs else _AS_NOMINAL
+
+
+def with_nominal(
+    data: CampaignData, everything: Evidence, held: HeldOut, excluded: Sequence[str], x: Floats
+) -> tuple[Nominal, Drive | None, Evidence]:
+    """Let the nominal drive stand for the command, or the measured pressure for both.
+
+    Parameters
+    ----------
+    data : CampaignData
+        Its command is no pressure.
+    everything, held
+        All its trials, and those that take no part.
+    excluded : sequence of str
+        Effects that the library is to lack.
+    x : (5,) array
+        Coefficients of the given model.
+
+    Returns
+    -------
+    tuple
+        The nominal drive; how the drive departs from it, and the campaign with its pressure as the
+        command. Where it does not, None, and the campaign without a command.
+    """
+    taking_part = zip(everything.grid.trials, ~held.trials, strict=True)
+    nominal = nominal_of(data, [trial for trial, part in taking_part if part])
+    stand_in = collect(nominal.fit.drive.applied(data))
+    fitted = replace(stand_in, takes_part=~held.trials)
+    drive = examine_drive(fitted, excluded, x, nominal.spectrum)
+    if departs(drive, stand_in, held, nominal.fit.left_out_kpa):
+        return nominal, drive, stand_in
+    return nominal, None, collect(driven_by_pressure(data))
+
+
+def departs(drive: Drive, evidence: Evidence, held: HeldOut, expected_kpa: float) -> bool:
+    """Say whether some effect is more probable than none, and closes enough on held-out trials."""
+    in_kpa = replace(drive, gap_deg=drive.gap_kpa)
+    weighed, fits, unknown = decide_drive(in_kpa, evidence, expected_kpa)
+    named = {ids: p for ids, p in weighed.items() if ids}
+    best = max(named, key=lambda ids: named[ids], default=())
+    if not best or named[best] * (1.0 - unknown) <= max(weighed.get((), 0.0), unknown):
+        return False
+    where = judged(evidence, held)
+    before, after = (
+        float(np.mean(fits_of.residual_kpa[where] ** 2)) for fits_of in (drive.fits[()], fits[best])
+    )
+    return before > expected_kpa**2 and after <= (1.0 - SETTINGS.worth) * before
+
+
+def driven_by_pressure(data: CampaignData) -> CampaignData:
+    """Leave the command out: the model takes the measured pressure for what drives it.
+
+    Raises
+    ------
+    BadInput
+        A trial holds none.
+    """
+    if any(trial.pressure_kpa is None for trial in data.trials):
+        signal = "pressure"
+        raise BadInput(data.campaign.folder, f"expected a {signal} column: it drives the model")
+    return replace(data, trials=tuple(replace(t, command_kpa=None) for t in data.trials))
+
+
+def nominal_of(data: CampaignData, trials: Sequence[Trial]) -> Nominal:
+    """Identify the nominal drive of a campaign on some of its trials.
+
+    Raises
+    ------
+    BadInput
+        The command or the pressure never changes.
+    """
+    drive_logs(data)
+    fit = identify_drive(trials)
+    left = [
+        misfit(trial.t_s, missed, fit.drive.at_rows(trial))
+        for trial, missed in zip(trials, fit.left, strict=True)
+    ]
+    return Nominal(fit, estimate(left, _WHITE_KPA))
+
+
+def check_driven(plain: Model, data: CampaignData) -> None:
+    """Refuse a model of the command where that is no pressure.
+
+    Raises
+    ------
+    BadInput
+        It is driven by the command.
+    """
+    if plain.signal == "command" and not data.campaign.command_is_pressure:
+        raise BadInput(
+            data.campaign.yaml,
+            "is 1, so the command is no pressure; expected a model that the pressure drives, as "
+            "spa-fo fit makes one of this campaign",
+            "log.columns.command.unit",
+        )
