@@ -50,6 +50,7 @@ SIZES: dict[str, dict[str, float]] = {
     "body_mode": {"share": 0.3, "frequency_hz": 0.5, "damping": 0.05},
     "pressure_damping": {"lag_s": 0.4},
     "unsigned_reading": {"share": 1.0, "across_deg": 4.0},
+    "sensor_detachment": {"lost": 0.6, "level_deg": 3.0, "since": 0.4},
 }
 
 

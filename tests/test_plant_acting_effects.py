@@ -243,3 +243,14 @@ def test_an_effect_that_looks_at_the_pressure_alone_is_simulated_once(
     own = trials(step_release(), triangle())
     angles(own, vector("gain_growth"), X)
     assert len(runs) == 1
+
+
+def test_a_sensor_that_came_off_reads_the_rest_and_a_level() -> None:
+    time = np.arange(0.0, 100.0, 0.02)
+    angle = 30.0 * np.sin(0.3 * time) ** 2
+    found = act("sensor_detachment", angle, time, lost=0.6, level_deg=3.0, since=0.4)
+    before, after = time < 0.39 * time[-1], time > 0.41 * time[-1]
+    np.testing.assert_allclose(found[before], angle[before], atol=0.01)
+    np.testing.assert_allclose(found[after], 0.4 * angle[after] + 3.0, atol=0.01)
+    dead = act("sensor_detachment", angle, time, lost=1.0, level_deg=0.0, since=0.001)
+    assert np.abs(dead[time > 1.0]).max() < 0.1

@@ -95,37 +95,14 @@ def examine(
         drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
     held = hold_out(everything, rng)
-    asked = _Asked(data, everything, held, given, beyond)
-    own = plain.campaign == campaign.name and _IDENTIFIED in plain.extra
-    rare = tuple(n for n in LIBRARY if LIBRARY[n].odds < 1.0 and n not in excluded)
-    progress(f"explaining {int(np.sum(~held.trials))} trials")
-    found = _explained(asked, own, (*excluded, *rare), progress)
-    if rare and found.verdict.kind == "unknown":
-        progress("trying what is rare, too")
-        found = _explained(asked, own, excluded, progress)
-    return replace(found, excluded=excluded)
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """What is to be explained."""
-
-    data: CampaignData
-    everything: Evidence
-    held: HeldOut
-    given: Floats
-    beyond: Beyond | None
-
-
-def _explained(asked: _Asked, own: bool, excluded: tuple[str, ...], progress: Progress) -> Examined:
-    """Fit and weigh what the library holds without some effects."""
-    everything, given, beyond = asked.everything, asked.given, asked.beyond
-    evidence = replace(everything, takes_part=~asked.held.trials)
+    evidence = replace(everything, takes_part=~held.trials)
+    progress(f"explaining {evidence.takes_part.sum()} trials")
     drive = None
     if evidence.has_pressure:
         drive = examine_drive(
             evidence, excluded, given, None if beyond is None else beyond.pressure
         )
+    own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
     bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa, beyond)
     floor = noise_floor(everything)
     if not bench.noise.spectrum.repeats:
@@ -144,7 +121,6 @@ def _explained(asked: _Asked, own: bool, excluded: tuple[str, ...], progress: Pr
     if drive is not None and beyond is not None:
         drive_floor = beyond.pressure_kpa * drive.per_kpa_deg
     verdict = decide(found, drive, fast, evidence, floor, drive_floor)
-    data, held = asked.data, asked.held
     return Examined(data, everything, held, given, excluded, drive, found, verdict, floor)
 
 

@@ -35,6 +35,7 @@ from spa_fo.plant.effects import (
     pressure_damping,
     pressure_set,
     sensor_creep,
+    sensor_detachment,
     sensor_hysteresis,
     sensor_lag,
     sensor_nonlinearity,
@@ -82,6 +83,7 @@ _FURTHER: tuple[Effect, ...] = (
     body_mode.EFFECT,
     pressure_damping.EFFECT,
     unsigned_reading.EFFECT,
+    sensor_detachment.EFFECT,
 )
 """What measured logs show beside the contract's, through the interface of one's own effects."""
 
