@@ -74,6 +74,7 @@ EFFECT = Effect(
             "a slip between trials leaves each trial as it is",
         )
     },
+    neutral={"lost": 0.0, "level_deg": 0.0},
     act=come_off,
     odds=RARER,
 )
