@@ -185,3 +185,74 @@ def loop(load, step, x, law, missed=None):
         law.accept(out[-1] + missed[i], angle + missed[i + 1])
         out.append(angle)
     return np.array(out[1:]) + missed[1:]
+
+
+def orifice(signal, filling, ratio):
+    """In steps of 10 microseconds; means over each millisecond."""
+    out, now, parts = [], 0.0, 100
+    for value in signal:
+        total = 0.0
+        for _ in range(parts):
+            lack = value - now
+            seconds = filling if lack > 0.0 else filling * ratio
+            rate = 2.0 * math.sqrt(10.0 * abs(lack)) / seconds
+            now += math.copysign(min(rate * MS / parts, abs(lack)), lack)
+            total += now
+        out.append(total / parts)
+    return np.array(out)
+
+
+def ringing(signal, fraction, period, damping):
+    """Signal and the swing of a second-order system that its rate pushes, in steps of 0.1 ms."""
+    rate, parts = 2.0 * math.pi / period, 10
+    top = _swing(np.ones(round(period / MS)), rate, damping, parts).max()
+    return signal + fraction * _swing(signal, rate, damping, parts) / top
+
+
+def _swing(signal, rate, damping, parts):
+    out, place, speed, before = [], 0.0, 0.0, 0.0
+    for value in signal:
+        speed += rate * (value - before)
+        before = value
+        total = 0.0
+        for _ in range(parts):
+            before_place = place
+            speed -= MS / parts * (2.0 * damping * rate * speed + rate * rate * place)
+            place += MS / parts * speed
+            total += 0.5 * (before_place + place)
+        out.append(total / parts)
+    return np.array(out)
+
+
+def oscillator(signal, rate, damping):
+    """In steps of 0.1 ms; means over each millisecond."""
+    out, place, speed, parts = [], 0.0, 0.0, 10
+    for value in signal:
+        total = 0.0
+        for _ in range(parts):
+            speed += MS / parts * (rate * rate * (value - place) - 2.0 * damping * rate * speed)
+            place += MS / parts * speed
+            total += place
+        out.append(total / parts)
+    return np.array(out)
+
+
+def trailing(signal, seconds):
+    """Means over each millisecond of a lag with a time constant at each."""
+    out, now = [], 0.0
+    for value, time in zip(signal, seconds, strict=True):
+        keep = math.exp(-MS / time) if time > 0.0 else 0.0
+        before = now if time > 0.0 else value
+        now = value + (now - value) * keep
+        out.append(0.5 * (before + now))
+    return np.array(out)
+
+
+def ratchet(target, building, recovery):
+    """Means over each millisecond."""
+    out, now = [], 0.0
+    for value in target:
+        before = now
+        now += MS * (max(value - now, 0.0) / building - now / recovery)
+        out.append(0.5 * (before + now))
+    return np.array(out)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from blind.equivalents import CONFOUNDED, REASONS, confounded, equivalents
-from blind.first_rig import EFFECTS, FOREIGN
+from blind.first_rig import EFFECTS, FOREIGN, FURTHER
 
 
 def test_equivalents_are_effects_of_the_library_and_have_reasons():
@@ -15,4 +15,4 @@ def test_equivalents_are_effects_of_the_library_and_have_reasons():
             assert one != other
             assert confounded(one, other)
             assert one in equivalents(other)
-    assert {name for fair in FOREIGN.values() for name in fair} <= set(EFFECTS)
+    assert {name for fair in FOREIGN.values() for name in fair} <= {*EFFECTS, *FURTHER}

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from blind.first_rig import EFFECTS, FOREIGN, NAME, write_case
+from blind.first_rig import EFFECTS, FOREIGN, FURTHER, NAME, write_case
 from blind.first_rig.asked import Noise, read_document
 from blind.first_rig.campaign import Plan, Recorder
 from blind.first_rig.case import Case
@@ -22,7 +22,7 @@ from blind.first_rig.sizing import at_rate, exact_angles, noise_floor_deg, rms, 
 from blind.first_rig.station import held
 from blind_documents import document, read
 from spa_fo.errors import BadInput
-from spa_fo.plant.effects.library import IDS
+from spa_fo.plant.effects.library import CONTRACT, IDS
 from spa_fo.plant.model_file import read_model
 from spa_fo.virtual_rig.campaign_writer import write_folder
 
@@ -59,10 +59,11 @@ def angles(data):
 
 def test_the_package_offers_what_a_rig_offers():
     assert NAME == "virtual_rig"
-    assert sorted(EFFECTS) == sorted(IDS)
+    assert sorted(EFFECTS) == sorted(CONTRACT)
+    assert set(FURTHER) <= set(IDS) - set(CONTRACT)
     assert FOREIGN
     assert not set(FOREIGN) & set(EFFECTS)
-    assert {name for fair in FOREIGN.values() for name in fair} <= set(EFFECTS)
+    assert {name for fair in FOREIGN.values() for name in fair} <= {*EFFECTS, *FURTHER}
 
 
 def test_same_document_same_bytes_and_another_seed_others(tmp_path):
@@ -407,6 +408,13 @@ def test_sizes_come_out_as_ordered():
         assert set(truth["parameters"]) == {effect}
         forms.add(truth["form"])
     assert forms == {"a", "b", "own"}
+
+
+@pytest.mark.parametrize("effect", FURTHER)
+def test_effects_beyond_the_contracts_come_out_as_ordered(effect):
+    truth = case(effect, kind="closed", size=2.0, seed=3, **SHORT).truth()
+    assert truth["sizes_reached"] == [pytest.approx(2.0, rel=0.03)]
+    assert set(truth["parameters"]) == {effect}
 
 
 @pytest.mark.parametrize("effect", ["line_lag", "hysteresis", "sensor_slip", "mains_pickup"])

@@ -26,6 +26,7 @@ from spa_fo.gap.places.laws import PlacedLaw, bases, law_at, place_laws
 from spa_fo.gap.places.resemblance import likenesses
 from spa_fo.gap.search.fitted import Fitted, fit
 from spa_fo.plant import read_model
+from spa_fo.plant.effects.library import CONTRACT, LIBRARY
 from spa_fo.plant.law import Law, law_of
 from spa_fo.rig import CampaignData
 
@@ -271,7 +272,8 @@ def balloon(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
     folder = tmp_path_factory.mktemp("balloon")
     law_cases.write(folder / "campaign", ballooning)
     law_cases.write_plain(folder / "model.json")
-    diagnose_campaign(folder / "campaign", folder / "model.json", folder / "out")
+    further = tuple(name for name in LIBRARY if name not in CONTRACT)
+    diagnose_campaign(folder / "campaign", folder / "model.json", folder / "out", further)
     return folder, json.loads((folder / "out" / "diagnosis.json").read_text())
 
 

@@ -18,7 +18,7 @@ from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, Memory, Usual, chain_for, static_gain
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
-from spa_fo.plant.effects.library import IDS, LIBRARY, absent, stage_of, switches
+from spa_fo.plant.effects.library import CONTRACT, IDS, LIBRARY, absent, stage_of, switches
 from spa_fo.plant.effects.sensor import read_angle
 from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
@@ -536,7 +536,7 @@ def test_every_effect_of_the_library_has_a_size_here() -> None:
 # --- state -----------------------------------------------------------------------------------
 
 STATEFUL = absent()
-for _name in IDS:
+for _name in CONTRACT:  # those that act begin each campaign afresh
     if _name not in ("parameter_shift", "mains_pickup", "sensor_slip"):
         STATEFUL[LIBRARY[_name].slots] = vector(_name)[LIBRARY[_name].slots]
 

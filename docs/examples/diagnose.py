@@ -43,7 +43,7 @@ campaign
 
 # %% [markdown]
 # First the plain model, then the diagnosis. To keep this page quick, the library of effects is cut
-# down to five; leave `exclude` away for all 22.
+# down to five; leave `exclude` away for all.
 
 # %%
 from spa_fo.plant.effects.library import IDS

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from blind.plan import KINDS, SCHEMA, Case, plan_cases
-from blind.rigs import RIGS, rig_named
+from blind.rigs import RIGS, further_of, rig_named
 from blind.surroundings import PROTOCOL_NAMES, draw_model, draw_protocol, draw_surroundings
 from blind.writer import write_cases
 from spa_fo.errors import BadInput
@@ -96,7 +96,7 @@ def _case(given: argparse.Namespace) -> Case:
     if len(effects) != {"no_effect": 0, "pair": 2}.get(kind, 1):
         raise ValueError(f"a case of kind {kind} has another number of effects: {len(effects)}")
     rig = rig_named(given.rig)
-    known = tuple(rig.FOREIGN) if kind == "alien" else rig.EFFECTS
+    known = tuple(rig.FOREIGN) if kind == "alien" else (*rig.EFFECTS, *further_of(rig))
     for effect in effects:
         if effect not in known:
             raise ValueError(f"no effect of a case of kind {kind} is called '{effect}'")

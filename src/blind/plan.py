@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from blind.equivalents import confounded
-from blind.rigs import RIGS, rig_named
+from blind.rigs import RIGS, further_of, rig_named
 from blind.surroundings import PROTOCOL_NAMES, RICH, draw_model, draw_protocol, draw_surroundings
 
 SCHEMA = "spa-fo/blind-case/1"
@@ -61,6 +61,9 @@ class BenchmarkPlan:
         Sizes among which each effect, taken out of the library, has one on a rich protocol.
     alien : tuple of float
         Sizes among which each foreign effect has one on a rich protocol.
+    further : tuple of float
+        Sizes at which each effect beyond the contract's is tried on a rich protocol, by a rig that
+        can make some.
     """
 
     seed: int = 1
@@ -72,6 +75,7 @@ class BenchmarkPlan:
     withheld: tuple[float, ...] = ()
     alien: tuple[float, ...] = ()
     pair: int = 0
+    further: tuple[float, ...] = ()
 
 
 def benchmark_plan(document: Mapping[str, Any]) -> BenchmarkPlan:
@@ -162,11 +166,12 @@ def _cases_of(plan: BenchmarkPlan, rig: str) -> Iterator[Case]:
         "withheld": lambda: _one_each(rig_named(rig).EFFECTS, plan.withheld),
         "alien": lambda: _one_each(tuple(rig_named(rig).FOREIGN), plan.alien),
         "pair": lambda: _pairs(plan.pair, rig_named(rig).EFFECTS, _stream(plan, rig, "pairs")),
+        "further": lambda: _each(further_of(rig_named(rig)), plan.further),
     }
     for name, make in lists.items():
         rng = _stream(plan, rig, name)
         among = {"no_effect": None, "other": _POOR}.get(name, RICH)
-        kind = "closed" if name == "other" else name
+        kind = "closed" if name in ("other", "further") else name
         cases = [_case(rig, kind, effects, sizes, among, rng) for effects, sizes in make()]
         yield from cases[: math.ceil(plan.part * len(cases))]
 

@@ -22,6 +22,11 @@ class Rig(Protocol):
         """Write the campaigns of a case and give the truth about it."""
 
 
+def further_of(rig: Rig) -> tuple[str, ...]:
+    """List the effects of the library beyond the contract's that a rig can make, if any."""
+    return tuple(getattr(rig, "FURTHER", ()))
+
+
 def rig_named(name: str) -> Rig:
     """Load a rig's package.
 

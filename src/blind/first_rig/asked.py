@@ -11,6 +11,7 @@ import numpy as np
 
 from blind.first_rig.doses import FORMS
 from blind.first_rig.foreign_effects import FOREIGN_EFFECTS
+from blind.first_rig.measured_effects import MEASURED_EFFECTS
 from spa_fo.virtual_rig.bench import Scatter
 
 SCHEMA = "spa-fo/blind-case/1"
@@ -127,8 +128,9 @@ def read_document(document: Mapping[str, Any]) -> Asked:
     count = {"no_effect": 0, "pair": 2}.get(asked.kind, 1)
     if len(asked.effects) != count or len(asked.sizes) != count:
         raise ValueError(f"a case of kind {asked.kind} has {count} effects, each with a size")
+    named = tuple(FOREIGN_EFFECTS) if asked.kind == "alien" else (*FORMS["a"], *MEASURED_EFFECTS)
     for effect in asked.effects:
-        _known("effects", effect, tuple(FOREIGN_EFFECTS if asked.kind == "alien" else FORMS["a"]))
+        _known("effects", effect, named)
     return asked
 
 

@@ -222,7 +222,7 @@ FOREIGN_EFFECTS: Mapping[str, ForeignEffect] = {
     ),
     "slow_exhaust": ForeignEffect(
         lambda _: (SlowExhaust, 0.3, 5.0),
-        ("line_lag", "slew_limit"),
+        ("orifice_flow", "line_lag", "slew_limit"),
         "the line follows late, if in one direction only",
     ),
     "pump_ripple": ForeignEffect(_ripple, (), "nothing in the library swings the pressure"),

@@ -12,15 +12,18 @@ Rng = np.random.Generator
 
 # Which ids would be a fair answer as well, by physics: what nobody could tell from it.
 EQUIVALENTS: Mapping[str, tuple[str, ...]] = {
-    "regulator_overshoot": (),  # nothing named lets the pressure pass its target and swing
-    "slow_vent": ("line_lag",),  # filling alone is a low-pass; a release shows two of them
+    "regulator_overshoot": ("drive_overshoot",),
+    "slow_vent": ("orifice_flow", "line_lag"),  # filling alone is a low-pass
     "valve_limit_cycle": (),
     "supply_wander": (),
-    "ballooning": ("sensor_nonlinearity",),  # a static curve before the body, not behind it
-    "fold_threshold": ("drive_backlash",),  # rises that wait; the pressure tells them apart
-    "body_mode": (),
+    # a static curve before the body, or behind it
+    "ballooning": ("gain_growth", "sensor_nonlinearity"),
+    # rises that wait; the pressure tells backlash apart
+    "fold_threshold": ("opening_fold", "drive_backlash"),
+    "body_mode": ("body_mode",),
     "quadratic_drag": (),
-    "shape_set": ("sensor_slip", "creep"),  # a zero that walks; creep that does not come back
+    # a zero that walks; creep that does not come back
+    "shape_set": ("pressure_set", "sensor_slip", "creep"),
     "tear": ("thermal_drift",),  # a loss of gain at one moment, where trials are too few to see it
     "pressure_cross_talk": (),
     "frozen_reading": (),

@@ -1,4 +1,4 @@
-"""The stages of the chain: the library's kernels, and behind them effects of a campaign's own."""
+"""The stages of the chain: the library's kernels, and behind them the effects that act."""
 
 from __future__ import annotations
 
@@ -73,13 +73,18 @@ def moving_pressure(
     own = list(acting(effects, "actuator"))
     lengths = STEPS_S[level]
     time = np.cumsum(lengths) - 0.5 * lengths
+    if not any(effect.sees_angle for effect, _ in own):
+        for effect, values in own:
+            pressure = acted(effect, values, pressure, time)
+        return pressure
 
     def pushed(moving: Floats) -> Floats:
         ends = angle(moving)
         middle = 0.5 * (ends + np.concatenate([[before], ends[:-1]]))
         found = pressure
         for effect, values in own:
-            found = acted(effect, values, found, middle, time)
+            seen = (middle,) if effect.sees_angle else ()
+            found = acted(effect, values, found, *seen, time)
         return found
 
     return _fixed_point(pushed, pressure)

@@ -30,7 +30,7 @@ from spa_fo.gap.search.fitted import (
 )
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
-from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port, log_odds, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -79,7 +79,7 @@ class Shown:
 
 
 def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
-    """Weigh effects beside a fitted explanation by a score test, best first.
+    """Weigh effects beside a fitted explanation by a score test, most probable first.
 
     Parameters
     ----------
@@ -124,7 +124,16 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
             score = float(column @ left - shadow @ taken)
             size = float(np.clip(score / seen, -_FARTHEST if signed else 0.0, _FARTHEST))
             shown.append(Shown(name, size * score - 0.5 * size**2 * seen, z))
-    return sorted(shown, key=lambda s: -s.gain)
+    return sorted(shown, key=lambda s: -s.gain - beforehand((s.name,)))
+
+
+def beforehand(ids: Sequence[str]) -> float:
+    """Say by how many nats of evidence effects that are rare have to show more than others."""
+    return log_odds(ids) / SETTINGS.temper
+
+
+def _worth(fitted: Fitted) -> float:
+    return fitted.quick + beforehand(fitted.ids)
 
 
 def _points(shown: Sequence[Shown], name: str) -> list[Floats]:
@@ -156,11 +165,11 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
         alone.append(((again,), [plain.z]))
     fits = {(): plain} | _fits(bench, alone, plain, plain, least=_HOSTS)
     allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
-    hosts = sorted(allowed, key=lambda f: -f.quick)[:_HOSTS]
+    hosts = sorted(allowed, key=lambda f: -_worth(f))[:_HOSTS]
     pairs = _beside(bench, hosts, chained, linear, plain)
     fits |= pairs
-    top = max(pairs.values(), key=lambda f: f.quick, default=plain)
-    if hosts and SETTINGS.temper * (top.quick - hosts[0].quick) > further_price():
+    top = max(pairs.values(), key=_worth, default=plain)
+    if hosts and SETTINGS.temper * (_worth(top) - _worth(hosts[0])) > further_price():
         fits |= _three(bench, top, chained, linear, fits, plain)
     bench, fits, line = _with_line(bench, fits, excluded)
     best = max(f.quick for f in fits.values())
@@ -236,8 +245,8 @@ def _three(
 ) -> dict[Ids, Fitted]:
     """Fit a third effect beside a pair, and the other pairs of what does best."""
     found = _beside(bench, [pair], chained, linear, plain)
-    best = max(found.values(), key=lambda f: f.quick, default=pair)
-    if SETTINGS.temper * (best.quick - pair.quick) > further_price():
+    best = max(found.values(), key=_worth, default=pair)
+    if SETTINGS.temper * (_worth(best) - _worth(pair)) > further_price():
         fewer = [tuple(n for n in best.ids if n != name) for name in best.ids]
         missing = [ids for ids in fewer if ids not in fits]
         again = each(lambda ids: fit(bench, ids, [without_others(best, ids)], plain), missing)
@@ -247,7 +256,8 @@ def _three(
 
 def further_price() -> float:
     """Say what one effect more costs a set beforehand, nats."""
-    return float(np.log(SETTINGS.single * len(LIBRARY) / SETTINGS.pair))
+    odds = sum(effect.odds for effect in LIBRARY.values())
+    return float(np.log(SETTINGS.single * odds / SETTINGS.pair))
 
 
 def _gap_known(bench: Bench) -> Bench:
@@ -284,7 +294,7 @@ def _with_line(
     if name is None or name in excluded:
         return bench, fits, NONE
     allowed = [f for f in fits.values() if not set(f.ids) & set(excluded)]
-    best = weighed(bench, max(allowed, key=lambda f: f.quick))
+    best = weighed(bench, max(allowed, key=_worth))
     share = SHARES[int(np.argmax(best.logs))]
     problem = AngleProblem(bench, best.ids, best.changed)
     factor = bench.whitening.factor(best.level, min(share, SHARES[3]))

@@ -6,19 +6,20 @@ import numpy as np
 
 from spa_fo.gap.search.explanations import further_price
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, at_port
+from spa_fo.plant.effects.library import LIBRARY, at_port, log_odds
 
 Ids = tuple[str, ...]
 
 
 def log_prior(ids: Ids) -> float:
-    """Logarithm of a set's probability beforehand: small sets first."""
-    s, n = SETTINGS, len(LIBRARY)
+    """Logarithm of a set's probability beforehand: small sets first, then what is usual."""
+    s = SETTINGS
     if not ids:
         return float(np.log(s.none))
+    odds = np.array([effect.odds for effect in LIBRARY.values()])
     if len(ids) == 1:
-        return float(np.log(s.single / n))
-    pairs = n * (n - 1) / 2
+        return float(np.log(s.single / odds.sum())) + log_odds(ids)
+    pairs = 0.5 * (odds.sum() ** 2 - np.sum(odds**2))
     further = -(len(ids) - 2) * further_price()
     beside = np.log(s.shift_beside) if at_port("coefficients", ids) else 0.0
-    return float(np.log(s.pair / pairs) + further + beside)
+    return float(np.log(s.pair / pairs) + further + beside) + log_odds(ids)

@@ -10,7 +10,7 @@ import numpy as np
 
 from spa_fo.plant.chain import Chain, chain_for
 from spa_fo.plant.effects.effect import Effect, Floats, Parameter
-from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.effects.library import IDS, LIBRARY, absent
 from spa_fo.plant.effects.own import acted, checked
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -55,8 +55,8 @@ def broken(effect: Effect) -> tuple[str, ...]:
     said = tuple(_unsaid(effect))
     if effect.port in ("line", "coefficients"):
         return said
-    held = LIBRARY.acting
-    if effect.act is not None:
+    held = LIBRARY.further
+    if effect.act is not None and effect.id not in IDS:
         LIBRARY.hold((checked(effect, effect.source),))
     try:
         return (*said, *_broken(LIBRARY[effect.id]))

@@ -16,10 +16,19 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Stage = Literal["drive", "actuator", "sensor", "acquisition"]
-STAGES: tuple[Stage, ...] = ("drive", "actuator", "sensor", "acquisition")
+_SERIES: dict[Stage, tuple[str, ...]] = {
+    "drive": ("pressure_kpa", "time_s"),
+    "actuator": ("pressure_kpa", "angle_deg", "time_s"),
+    "sensor": ("angle_deg", "time_s"),
+    "acquisition": ("reading_deg", "time_s"),
+}
+STAGES: tuple[Stage, ...] = tuple(_SERIES)
 Port = Literal["chain", "coefficients", "curve", "zeros", "line"]
 Filter = Literal["", "delay", "lag", "creep"]
 Shown = Literal["release", "levels", "hold", "order"]
+
+RARER = 0.2
+"""Odds of what single rigs show against what the literature finds on most of them."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +107,11 @@ class Effect:
     act : callable, optional
         What it does to the series at its stage, where no kernel of the chain knows it
         (`spa_fo.plant.effects.own`).
+    sees_angle : bool
+        Whether `act` on an actuator is given the angle too: then the load that fits the angle is
+        searched, which takes several simulations for one.
+    odds : float
+        How probable it is beforehand, against one that most rigs show.
     source : Path or str
         The file that it comes from, for messages.
     first : int
@@ -119,6 +133,8 @@ class Effect:
     neutral: Mapping[str, float] = field(default_factory=dict)
     coefficients: Mapping[str, str] = field(default_factory=dict)
     act: Callable[..., Any] | None = None
+    sees_angle: bool = True
+    odds: float = 1.0
     source: Path | str = "library"
     first: int = -1
 
@@ -130,6 +146,14 @@ class Effect:
     def slots(self) -> slice:
         """Its place in the vector of all parameters."""
         return slice(self.first, self.first + len(self.parameters))
+
+    @property
+    def series(self) -> tuple[str, ...]:
+        """What `act` is given ahead of the parameters; it returns the first of them."""
+        names = _SERIES[self.stage]
+        if self.stage == "actuator" and not self.sees_angle:
+            return tuple(name for name in names if name != "angle_deg")
+        return names
 
     @property
     def meanings(self) -> Mapping[str, str]:

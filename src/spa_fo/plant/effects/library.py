@@ -1,6 +1,7 @@
 """The library of effects, in the order a command passes through them.
 
-Identifiers and physics are the contract's; the parametric forms are ours. Each form has enough
+Identifiers and physics of the first are the contract's; the parametric forms are ours. Behind them
+stand those that measured logs show. Each form has enough
 freedom to bend with a neighbouring form of the same physics (one pole or several, cubic or
 exponential), because a form too stiff loses to a wrong effect that bends better.
 """
@@ -14,19 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.plant.effects import (
+    body_mode,
     channel_latency,
     contact_stop,
     creep,
     dead_time,
     drive_backlash,
+    drive_overshoot,
+    gain_growth,
     gravity_load,
     hysteresis,
     leak,
     line_lag,
     mains_pickup,
     mullins_softening,
+    opening_fold,
+    orifice_flow,
     parameter_shift,
+    pressure_damping,
+    pressure_set,
     sensor_creep,
+    sensor_detachment,
     sensor_hysteresis,
     sensor_lag,
     sensor_nonlinearity,
@@ -36,11 +45,12 @@ from spa_fo.plant.effects import (
     stiffening,
     supply_droop,
     thermal_drift,
+    unsigned_reading,
 )
 from spa_fo.plant.effects.effect import Effect, Floats, Port, Stage
 from spa_fo.plant.effects.shared import Integers
 
-_BUILT_IN: tuple[Effect, ...] = (
+_CONTRACT: tuple[Effect, ...] = (
     dead_time.EFFECT,
     line_lag.EFFECT,
     supply_droop.EFFECT,
@@ -64,6 +74,18 @@ _BUILT_IN: tuple[Effect, ...] = (
     channel_latency.EFFECT,
     mains_pickup.EFFECT,
 )
+_FURTHER: tuple[Effect, ...] = (
+    orifice_flow.EFFECT,
+    drive_overshoot.EFFECT,
+    gain_growth.EFFECT,
+    opening_fold.EFFECT,
+    pressure_set.EFFECT,
+    body_mode.EFFECT,
+    pressure_damping.EFFECT,
+    unsigned_reading.EFFECT,
+    sensor_detachment.EFFECT,
+)
+"""What measured logs show beside the contract's, through the interface of one's own effects."""
 
 COMMONEST = hysteresis.EFFECT.id
 """What one hears most often about soft actuators: a baseline that always answers so."""
@@ -84,7 +106,8 @@ class Library(Mapping[str, Effect]):
         """Take in these effects, in place of any that were taken in before."""
         self.size = 0
         self._effects: dict[str, Effect] = {}
-        for effect in (*self._lasting, *further):
+        self.further = tuple(further)
+        for effect in (*self._lasting, *self.further):
             self._effects[effect.id] = replace(effect, first=self.size)
             self.size += len(effect.parameters)
         self.acting = tuple(e for e in self._effects.values() if e.act is not None)
@@ -103,9 +126,11 @@ class Library(Mapping[str, Effect]):
         return np.concatenate([np.r_[e.slots] for e in self._effects.values() if holds(e)])
 
 
-LIBRARY = Library(_BUILT_IN)
+LIBRARY = Library((*_CONTRACT, *_FURTHER))
 IDS = tuple(LIBRARY)
 """The project's own effects; what else the library holds changes from campaign to campaign."""
+CONTRACT = tuple(effect.id for effect in _CONTRACT)
+"""Those that the contract names."""
 
 
 def ordered(ids: Sequence[str]) -> tuple[str, ...]:
@@ -116,6 +141,11 @@ def ordered(ids: Sequence[str]) -> tuple[str, ...]:
 def at_port(port: Port, ids: Sequence[str] = IDS) -> str | None:
     """Return the effect among `ids` that is met at a port; None where there is none."""
     return next((name for name in ids if LIBRARY[name].port == port), None)
+
+
+def log_odds(ids: Sequence[str]) -> float:
+    """Logarithm of how probable effects are beforehand, against as many that most rigs show."""
+    return float(sum(np.log(LIBRARY[name].odds) for name in ids))
 
 
 def absent() -> Floats:

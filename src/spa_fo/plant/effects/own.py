@@ -6,7 +6,8 @@ rights of whoever reads the campaign. Its ``act`` takes the series at its stage,
 seconds, and its parameters in their order; it returns the series as the effect leaves it:
 
 - drive: ``act(pressure_kpa, time_s, ...)``, each trial by itself, from rest
-- actuator: ``act(pressure_kpa, angle_deg, time_s, ...)``, the pressure that then moves it
+- actuator: ``act(pressure_kpa, angle_deg, time_s, ...)``, the pressure that then moves it; without
+  the angle where `Effect.sees_angle` is false
 - sensor: ``act(angle_deg, time_s, ...)``
 - acquisition: ``act(reading_deg, time_s, ...)``, each trial by itself
 
@@ -35,12 +36,6 @@ FOLDER = "effects"
 GROUP = "spa_fo.effects"
 _NAME = "EFFECT"
 _RESERVED = ("none", "unknown", "law")  # what an answer may hold beside effects
-_SERIES: dict[Stage, tuple[str, ...]] = {
-    "drive": ("pressure_kpa", "time_s"),
-    "actuator": ("pressure_kpa", "angle_deg", "time_s"),
-    "sensor": ("angle_deg", "time_s"),
-    "acquisition": ("reading_deg", "time_s"),
-}
 
 
 def use_effects_of(folder: Path | str) -> tuple[str, ...]:
@@ -149,11 +144,16 @@ def checked(effect: object, source: Path | str) -> Effect:
     refuse_unless(
         len(set(names)) == len(names), "parameters", "expected a name of its own for each"
     )
-    wanted = (*_SERIES[effect.stage], *names)
+    wanted = (*effect.series, *names)
     refuse_unless(
         callable(effect.act) and _takes(effect.act, len(wanted)),
         "act",
         f"expected a function of ({', '.join(wanted)})",
+    )
+    refuse_unless(
+        isinstance(effect.odds, int | float) and 0.0 < effect.odds < math.inf,
+        "odds",
+        f"is {effect.odds!r}; expected a positive number",
     )
     checks = [*effect.equivalents.values(), *([effect.check] if effect.check else [])]
     refuse_unless(

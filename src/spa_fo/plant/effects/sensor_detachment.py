@@ -1,0 +1,80 @@
+"""The sensor comes off: from some moment on it reads less of the angle, or none of it.
+
+With nothing lost and another level it is a jump of the zero within a trial; with all lost it is a
+dead or a frozen reading. Seen in the dead and jumping channels of measured logs. When is a share of
+the campaign: a model with it does not go on to a later one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
+from spa_fo.plant.effects.shared import Floats
+
+_SOFT, _LEAST_S = 0.002, 0.25  # how long it takes: of the campaign, and at least
+_BEFORE_S = 1.0
+_WHEN = tuple(np.linspace(0.02, 0.98, 49).tolist())  # a score test looks at each
+
+
+def come_off(
+    angle_deg: Floats, time_s: Floats, lost: float, level_deg: float, since: float
+) -> Floats:
+    """Read a part of the angle and a level from some moment on."""
+    if time_s[-1] < _BEFORE_S:
+        return angle_deg  # what is read at rest, before anything has happened
+    soft = max(_SOFT * float(time_s[-1]), _LEAST_S)
+    off = 0.5 * (1.0 + np.tanh((time_s - since * time_s[-1]) / soft))
+    return np.asarray(angle_deg + off * (level_deg - lost * angle_deg))
+
+
+EFFECT = Effect(
+    id="sensor_detachment",
+    stage="sensor",
+    parameters=(
+        amplitude(
+            "lost",
+            "1",
+            "share of the angle that it does not read any more",
+            spread=0.5,
+            high=1.0,
+            start=0.3,
+        ),
+        amplitude(
+            "level_deg",
+            "deg",
+            "what it reads in place of it",
+            spread=15.0,
+            low=-180.0,
+            high=180.0,
+            start=0.0,
+        ),
+        shape(
+            "since",
+            "1",
+            "when, as a share of the campaign",
+            centre=0.5,
+            factor=4.0,
+            low=0.001,
+            high=1.0,
+            starts=_WHEN,
+        ),
+    ),
+    name="a sensor that came off",
+    means="from some moment on it follows the angle less, or not at all, or from another zero",
+    remedy="look at how the sensor is fixed, glue or clamp it anew, and calibrate it again",
+    shown_in=("order",),
+    check=Check(
+        "look at the sensor and bend the actuator by hand while watching the reading",
+        "a sensor that is loose or dead shows at once",
+    ),
+    equivalents={
+        "sensor_slip": Check(
+            "look whether the zero jumps within a trial or from one to the next",
+            "a slip between trials leaves each trial as it is",
+        )
+    },
+    neutral={"lost": 0.0, "level_deg": 0.0},
+    act=come_off,
+    odds=RARER,
+)

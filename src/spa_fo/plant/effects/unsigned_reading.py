@@ -1,0 +1,55 @@
+"""The reading is the size of a rotation: never negative, and a tilt across adds to it.
+
+Motion capture and inertial sensors often log the angle of one rotation, or a norm of several. Seen
+in the logs of a three-chamber arm, which read 2 to 9 deg at rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
+from spa_fo.plant.effects.shared import Floats
+
+
+def unsigned(angle_deg: Floats, time_s: Floats, share: float, across_deg: float) -> Floats:
+    """Read the size of a rotation by the angle and by a constant one across it, or a part of it."""
+    return np.asarray(angle_deg + share * (np.hypot(angle_deg, across_deg) - angle_deg))
+
+
+EFFECT = Effect(
+    id="unsigned_reading",
+    stage="sensor",
+    parameters=(
+        amplitude(
+            "share",
+            "1",
+            "how much of the reading is a size: 1 is all of it",
+            spread=0.5,
+            high=1.0,
+            start=0.8,
+        ),
+        shape(
+            "across_deg",
+            "deg",
+            "rotation across, which is in the reading too",
+            centre=2.0,
+            factor=2.5,
+            low=0.05,
+            high=40.0,
+        ),
+    ),
+    name="reading without a sign",
+    means="the sensor logs the size of a rotation: never negative, and never zero where another "
+    "rotation is in it",
+    remedy="compute the angle about the axis of bending, with its sign, from the logged rotation",
+    shown_in=("levels",),
+    equivalents={
+        "sensor_nonlinearity": Check(
+            "turn the tip by hand through zero to the other side, without pressure",
+            "the size of a rotation rises on both sides of zero",
+        )
+    },
+    act=unsigned,
+    odds=RARER,
+)
