@@ -168,7 +168,7 @@ def diagnose(
     if rare and answered.verdict.kind == "unknown":
         progress("trying what is rare, too")
         further = _answered(data, plain, excluded, seed, progress, beyond)
-        answered = max(answered, further, key=lambda each: each.closes)
+        answered = max(answered, further, key=lambda each: (each.named, each.closes))
     examined, claimed, verdict = answered.examined, answered.claimed, answered.verdict
     everything, held, floor = examined.everything, examined.held, examined.floor_deg
     explained = bool(verdict.sets)
@@ -232,6 +232,11 @@ class _Answered:
     examined: Examined
     claimed: Claim
     verdict: Verdict
+
+    @property
+    def named(self) -> bool:
+        """Whether it names a cause, or some."""
+        return self.verdict.kind in ("cause", "ambiguous")
 
     @property
     def closes(self) -> float:
