@@ -7,6 +7,7 @@ pressure alone, whatever the actuator makes of it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -79,6 +80,7 @@ def resolution(evidence: Evidence) -> float:
 
 
 _LAG = Parameter("lag_s", "s", 0.0, SETTINGS.pressure_lag_s, 0.0, 1.0, starts=(0.01,))
+_LAG_LEFT = replace(_LAG, spread=SETTINGS.angle_late_s)  # where a lag is expected already
 
 
 class PressureProblem(Explained):
@@ -94,9 +96,17 @@ class PressureProblem(Explained):
         Of the rows of the trials that take part.
     ids : sequence of str
         Drive effects.
+    lag_known : bool
+        Whether the sensor's lag is in the command already, as it is in a nominal drive.
     """
 
-    def __init__(self, evidence: Evidence, whitening: Whitening, ids: Sequence[str]) -> None:
+    def __init__(
+        self,
+        evidence: Evidence,
+        whitening: Whitening,
+        ids: Sequence[str],
+        lag_known: bool = False,
+    ) -> None:
         self.evidence, self.whitening = evidence, whitening
         self.rows = whitening.rows
         self.ids = tuple(ids)
@@ -105,7 +115,7 @@ class PressureProblem(Explained):
             for name in ids
             for k, parameter in enumerate(LIBRARY[name].parameters)
         ]
-        slots.append(Slot(_LAG, -1))
+        slots.append(Slot(_LAG_LEFT if lag_known else _LAG, -1))
         none = np.zeros(0)
         super().__init__(slots, none, np.zeros((0, 0)), none, none, np.ones(1))
         self.group = np.full(3, -1)

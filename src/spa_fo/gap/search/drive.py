@@ -136,14 +136,15 @@ def examine_drive(
     spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
     if beyond is not None:
         spectrum = spectrum.beside(beyond)
-    bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
+    known = beyond is not None  # what is expected was learned from the same sensor
+    bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), (), known)
     squares = _beyond_noise(rows, spectrum.white + spectrum.coloured.sum(), bare.left(np.zeros(1)))
     size = local_size(rows, squares)
     whitening = Whitening(rows, spectrum, size)
     for share in (*SHARES, SETTINGS.search_share):
         whitening.factor(1.0, share)
     fits: dict[Ids, DriveFit] = {}
-    nothing = PressureProblem(evidence, whitening, ())
+    nothing = PressureProblem(evidence, whitening, (), known)
     fits[()] = _fit(nothing, starts(nothing, ()))
     cells = np.arange(int(evidence.grid.cell_starts[-1]))
     room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa + _BLUR * blur(evidence, cells)
@@ -152,7 +153,7 @@ def examine_drive(
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
 
         def alone(name: str) -> DriveFit:
-            problem = PressureProblem(evidence, whitening, (name,))
+            problem = PressureProblem(evidence, whitening, (name,), known)
             return _fit(problem, starts(problem, _DELAYS_S))
 
         for fit in each(alone, names):
@@ -161,7 +162,7 @@ def examine_drive(
         pairs = [ordered(pair) for pair in combinations(ranked[:_PAIRED], 2)]
 
         def together(ids: Ids) -> DriveFit:
-            problem = PressureProblem(evidence, whitening, ids)
+            problem = PressureProblem(evidence, whitening, ids, known)
             alone = [fits[(name,)].z for name in ids]
             lag = np.mean([z[-1:] for z in alone], axis=0)
             return _fit(problem, [np.concatenate([*(z[:-1] for z in alone), lag])])
