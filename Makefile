@@ -19,7 +19,7 @@ SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \
   -o Acquire::http::Timeout=20
 
-.PHONY: help reproduce report docs audit blind blind-small real-data static-curve changes repeats lint test test-slow \
+.PHONY: help reproduce report docs audit blind blind-small real-data static-curve changes injected repeats lint test test-slow \
   test-room firmware firmware-tools browser slurm-tools scale references release format unlock lock
 
 help:
@@ -32,6 +32,7 @@ help:
 	@echo "make real-data   diagnose the measured campaigns in DATA -> docs/real_data/"
 	@echo "make static-curve  a curve beside the model on the measured campaigns in DATA -> docs/real_data.md"
 	@echo "make changes     what differs between measured logs in DATA -> docs/real_data/changes.md"
+	@echo "make injected    changes put into measured repeats in DATA -> docs/real_data/injected.md"
 	@echo "make repeats     diagnose repeated commands in DATA -> docs/blind/ (12 minutes of processor time)"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow (eight minutes)"
 	@echo "make test-slow   what it leaves out: tests marked slow (five minutes)"
@@ -89,6 +90,9 @@ static-curve: $(INSTALLED)
 
 changes: $(INSTALLED)
 	$(BIN)/python benchmarks/measured_changes.py $(DATA)
+
+injected: $(INSTALLED)
+	$(BIN)/python benchmarks/injected_changes.py $(DATA)
 
 repeats: $(INSTALLED)
 	$(BIN)/python benchmarks/measured_repeats.py $(DATA)

@@ -34,11 +34,14 @@ def held_to(verdict: Verdict, claimed: Claim, closing: float = SETTINGS.closes) 
     scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
     scored.sort(key=lambda s: -s.probability)
     again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
-    unknown = "unknown" in (verdict.kind, again.kind)
-    least = SETTINGS.worth if unknown else closing
-    sets = tuple(n for n in again.sets if n in verdict.sets and closes(claimed, n, least))
-    if unknown or not sets:
+    sets = tuple(n for n in again.sets if n in verdict.sets)
+    if "unknown" in (verdict.kind, again.kind) or not sets:
+        # What is no answer is said for what it explains elsewhere, also where chance is in it.
+        sets = tuple(n for n in sets if claimed.closed.get(n, 0.0) >= SETTINGS.worth)
         return replace(again, kind="unknown", sets=sets)
+    sets = tuple(n for n in sets if closes(claimed, n, closing))
+    if not sets:
+        return replace(again, kind="unknown", sets=())
     return replace(again, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
 
 
