@@ -44,6 +44,7 @@ SIZES: dict[str, dict[str, float]] = {
     "mains_pickup": {"amplitude_deg": 1.0},
     "orifice_flow": {"filling_s": 0.25, "venting_ratio": 1.6},
     "drive_overshoot": {"fraction": 0.15, "period_s": 1.2, "damping": 0.3},
+    "drive_hunting": {"fall": 0.2, "period_s": 3.0},
     "gain_growth": {"growth": 0.15, "exponent": 0.8},
     "opening_fold": {"opening_kpa": 4.0, "sharpness": 3.0},
     "pressure_set": {"set_kpa": 2.0, "building_s": 3.0},
@@ -51,6 +52,7 @@ SIZES: dict[str, dict[str, float]] = {
     "pressure_damping": {"lag_s": 0.4},
     "unsigned_reading": {"share": 1.0, "across_deg": 4.0},
     "sensor_detachment": {"lost": 0.6, "level_deg": 3.0, "since": 0.4},
+    "sensor_freeze": {"held": 0.7, "since": 0.4},
 }
 
 

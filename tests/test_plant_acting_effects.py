@@ -254,3 +254,32 @@ def test_a_sensor_that_came_off_reads_the_rest_and_a_level() -> None:
     np.testing.assert_allclose(found[after], 0.4 * angle[after] + 3.0, atol=0.01)
     dead = act("sensor_detachment", angle, time, lost=1.0, level_deg=0.0, since=0.001)
     assert np.abs(dead[time > 1.0]).max() < 0.1
+
+
+def test_a_reading_that_froze_keeps_what_it_read_then() -> None:
+    time = np.arange(0.0, 100.0, 0.02)
+    angle = 30.0 * np.sin(0.3 * time) ** 2
+    found = act("sensor_freeze", angle, time, held=1.0, since=0.43)
+    before, after = time < 0.42 * time[-1], time > 0.44 * time[-1]
+    np.testing.assert_allclose(found[before], angle[before], atol=0.01)
+    then = float(angle[np.argmin(np.abs(time - 0.43 * time[-1]))])
+    np.testing.assert_allclose(found[after], then, atol=0.2)
+    sticking = act("sensor_freeze", angle, time, held=0.5, since=0.43)
+    np.testing.assert_allclose(sticking[after], 0.5 * (found + angle)[after], atol=1e-9)
+
+
+def test_a_regulator_that_hunts_lets_a_held_pressure_fall_and_corrects_it() -> None:
+    cell_s = CELL * naive.MS
+    pressure = np.repeat([0.0, 20.0, 8.0], 500)
+    time = cell_s * (np.arange(pressure.size) + 0.5)
+    found = act("drive_hunting", pressure, time, fall=0.25, period_s=1.7)
+    fine_time = naive.MS * (np.arange(pressure.size * CELL) + 0.5)
+    held_s = np.concatenate([fine_time[: 500 * CELL]] * 3)
+    lost = np.array([(t / 1.7) % 1.0 for t in held_s])
+    np.testing.assert_allclose(found, coarse(fine(pressure) * (1.0 - 0.25 * lost)), atol=0.02)
+    assert found[:500].max() == 0.0
+    assert found[500:1000].min() == pytest.approx(15.0, abs=0.1)
+    # A command that always moves is never held.
+    ramp = np.linspace(0.0, 20.0, 500)
+    moving = act("drive_hunting", ramp, time[:500], fall=0.25, period_s=1.7)
+    np.testing.assert_allclose(moving, ramp, rtol=0.25 * cell_s / 1.7)

@@ -414,6 +414,8 @@ NOTHING: dict[str, dict[str, float]] = {
     "sensor_nonlinearity": dict.fromkeys(parameters("sensor_nonlinearity"), 0.0),
     "sensor_slip": {"walk_deg": 0.0, "zero_deg": 0.0},
     "sensor_detachment": {"lost": 0.0, "level_deg": 0.0},
+    "sensor_freeze": {"held": 0.0},
+    "drive_hunting": {"fall": 0.0},
     "slew_limit": {"rise_kpa_s": 1e9, "approach_s": 1e-9},
     "sensor_saturation": {"ceiling_deg": 1e6, "knee_deg": 0.1},
 }

@@ -25,7 +25,7 @@ EFFECT = Effect(
         ),
     ),
     name="backlash of the drive",
-    means="after a reversal of the command the pressure waits",
+    means="after a reversal of the command the pressure waits, as in a spindle or a dead band",
     remedy="take the play out of the pump's spindle, or approach every level from the same side",
     shown_in=("release", "levels"),
 )

@@ -21,6 +21,7 @@ from spa_fo.plant.effects import (
     creep,
     dead_time,
     drive_backlash,
+    drive_hunting,
     drive_overshoot,
     gain_growth,
     gravity_load,
@@ -36,6 +37,7 @@ from spa_fo.plant.effects import (
     pressure_set,
     sensor_creep,
     sensor_detachment,
+    sensor_freeze,
     sensor_hysteresis,
     sensor_lag,
     sensor_nonlinearity,
@@ -77,6 +79,7 @@ _CONTRACT: tuple[Effect, ...] = (
 _FURTHER: tuple[Effect, ...] = (
     orifice_flow.EFFECT,
     drive_overshoot.EFFECT,
+    drive_hunting.EFFECT,
     gain_growth.EFFECT,
     opening_fold.EFFECT,
     pressure_set.EFFECT,
@@ -84,6 +87,7 @@ _FURTHER: tuple[Effect, ...] = (
     pressure_damping.EFFECT,
     unsigned_reading.EFFECT,
     sensor_detachment.EFFECT,
+    sensor_freeze.EFFECT,
 )
 """What measured logs show beside the contract's, through the interface of one's own effects."""
 

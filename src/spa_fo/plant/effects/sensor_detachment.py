@@ -10,22 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
-from spa_fo.plant.effects.shared import Floats
-
-_SOFT, _LEAST_S = 0.002, 0.25  # how long it takes: of the campaign, and at least
-_BEFORE_S = 1.0
-_WHEN = tuple(np.linspace(0.02, 0.98, 49).tolist())  # a score test looks at each
+from spa_fo.plant.effects.shared import MOMENTS, Floats, switched
 
 
 def come_off(
     angle_deg: Floats, time_s: Floats, lost: float, level_deg: float, since: float
 ) -> Floats:
     """Read a part of the angle and a level from some moment on."""
-    if time_s[-1] < _BEFORE_S:
-        return angle_deg  # what is read at rest, before anything has happened
-    soft = max(_SOFT * float(time_s[-1]), _LEAST_S)
-    off = 0.5 * (1.0 + np.tanh((time_s - since * time_s[-1]) / soft))
-    return np.asarray(angle_deg + off * (level_deg - lost * angle_deg))
+    return np.asarray(angle_deg + switched(time_s, since) * (level_deg - lost * angle_deg))
 
 
 EFFECT = Effect(
@@ -57,7 +49,7 @@ EFFECT = Effect(
             factor=4.0,
             low=0.001,
             high=1.0,
-            starts=_WHEN,
+            starts=MOMENTS,
         ),
     ),
     name="a sensor that came off",

@@ -1,4 +1,4 @@
-"""What several effects share: a spectrum of creep, and two poles with one time constant."""
+"""What several effects share: creep's spectrum, two poles of one time constant, a moment."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 CREEP_TIMES_S = np.logspace(-1.0, 3.5, 10)  # two a decade
+MOMENTS = tuple(np.linspace(0.02, 0.98, 49).tolist())  # a score test looks at each
 _DECADE = 0.5  # of creep time that one element stands for
 
 
@@ -78,3 +79,15 @@ def two_poles() -> tuple[Parameter, ...]:
 def poles(time_constant: float, second: float) -> tuple[float, float]:
     """Share a time constant out to two poles."""
     return time_constant * (1.0 - second), time_constant * second
+
+
+_SOFT, _LEAST_S = 0.002, 0.25  # how long a switch takes: of the campaign, and at least
+_BEFORE_S = 1.0
+
+
+def switched(time_s: Floats, since: float) -> Floats:
+    """Go from 0 to 1 at a moment that is a share of the campaign; 0 in a series at rest."""
+    if time_s[-1] < _BEFORE_S:
+        return np.zeros(time_s.size)  # before anything has happened
+    soft = max(_SOFT * float(time_s[-1]), _LEAST_S)
+    return np.asarray(0.5 * (1.0 + np.tanh((time_s - since * time_s[-1]) / soft)))
