@@ -82,6 +82,40 @@ TOLD: dict[str, tuple[Edit, str]] = {
 }
 
 
+def held(place: int, begin: int, end: int, value: str = "") -> Edit:
+    """Repeat a value of a column, or the one that stands where it begins."""
+
+    def edit(folder: Path, _: dict[str, Any]) -> None:
+        path = sorted(folder.rglob("*.csv"))[0]
+        head, *rows = (line.split(",") for line in path.read_text().splitlines())
+        repeated = value or rows[begin][place]
+        for row in rows[begin:end]:
+            row[place] = repeated
+        path.write_text("\n".join(",".join(row) for row in [head, *rows]) + "\n")
+
+    return edit
+
+
+def test_a_channel_that_stands_still_while_its_input_moves_is_told(tmp_path: Path) -> None:
+    (line,) = odd(edited(tmp_path / "frozen", held(2, 150, 399)))
+    assert line.startswith("the angle stands at ")
+    assert line.endswith("while what bends it moves, in step_30 trial 1: frozen, or not read anew")
+    (line,) = odd(edited(tmp_path / "rail", held(2, 150, 399, "70")))
+    assert line.startswith("the angle reads 70 deg, its largest, for ")
+    assert line.endswith("in step_30 trial 1: at its rail or against a stop")
+    # The command does not move in that time, or the time is short.
+    assert odd(edited(tmp_path / "plateau", held(2, 100, 150))) == []
+    assert odd(edited(tmp_path / "short", held(2, 195, 205))) == []
+
+
+def test_angles_of_a_broken_contact_are_left_out(tmp_path: Path) -> None:
+    report = read(edited(tmp_path / "arm", held(2, 120, 123, "0"))).report
+    assert report.files[0].damaged["angle dropout"].first_lines == (122, 123, 124)
+    assert sum("angle dropout" in file.damaged for file in report.files) == 1
+    long = read(edited(tmp_path / "long", held(2, 120, 140, "0"))).report
+    assert not any("angle dropout" in file.damaged for file in long.files)
+
+
 @pytest.mark.parametrize("case", TOLD)
 def test_the_implausible_is_told(tmp_path: Path, case: str) -> None:
     edit, words = TOLD[case]

@@ -24,6 +24,7 @@ from spa_fo.rig.parse_report import FileReport, ParseReport, Tally
 from spa_fo.rig.plausibility import implausible
 from spa_fo.rig.protocol_check import contradiction
 from spa_fo.rig.spa_rig_log import read_spa_rig_log
+from spa_fo.rig.stuck import stuck
 from spa_fo.rig.trial import Trial
 from spa_fo.rig.trial_checks import check_banner, check_levels, overlaps
 
@@ -31,6 +32,7 @@ Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
 _LONGEST_DROPOUT = 5  # samples
+_FAR_FROM_0 = 0.5  # of the typical reading
 # Beyond the calibration, as a fraction of its range: nearer than `_FAR` the curve's line beyond its
 # ends serves, and samples are flagged; farther ones are left out. A trial that lies beyond `_NEAR`
 # for the most part is not this calibration's.
@@ -132,7 +134,7 @@ def read_trials(campaign: Campaign) -> CampaignData:
         trials.append(trial)
         reports.append(report)
     check_levels(campaign, trials)
-    warnings += [*overlaps(trials), *implausible(campaign, trials)]
+    warnings += [*overlaps(trials), *implausible(campaign, trials), *stuck(campaign, trials)]
     return CampaignData(
         campaign,
         tuple(trials),
@@ -245,23 +247,26 @@ def _plausible(samples: _Samples, campaign: Campaign) -> _Samples:
         samples = samples.without(beyond, "command range")
     if samples.flex_adc is not None:
         samples = samples.without(dropouts(samples.flex_adc), "adc dropout")
+    elif samples.angle_deg is not None:
+        samples = samples.without(dropouts(samples.angle_deg), "angle dropout")
     if samples.t_s.size < 2:
         raise BadInput(campaign.folder / samples.report.file, "holds fewer than 2 valid samples")
     return samples
 
 
-def dropouts(counts: Floats) -> Bools:
-    """Find readings of 0 that are a broken contact: a few samples between readings far from 0."""
-    zero = counts == 0.0
-    found = np.zeros(counts.shape, dtype=np.bool_)
+def dropouts(reading: Floats) -> Bools:
+    """Find readings of 0 that are a broken contact: a few samples between alike ones far from 0."""
+    zero = reading == 0.0
+    found = np.zeros(reading.shape, dtype=np.bool_)
     if not zero.any() or zero.all():
         return found
-    far = 0.5 * float(np.median(counts[~zero]))
+    far = _FAR_FROM_0 * float(np.median(np.abs(reading[~zero])))
     edges = np.flatnonzero(np.diff(np.concatenate(([False], zero, [False])).astype(int)))
     for begin, end in edges.reshape(-1, 2):
-        inside = begin > 0 and end < counts.size
-        if inside and end - begin <= _LONGEST_DROPOUT and min(counts[[begin - 1, end]]) > far:
-            found[begin:end] = True
+        if begin == 0 or end == reading.size or end - begin > _LONGEST_DROPOUT:
+            continue
+        before, after = reading[begin - 1], reading[end]
+        found[begin:end] = min(abs(before), abs(after)) > max(far, abs(after - before))
     return found
 
 
