@@ -32,7 +32,7 @@ from spa_fo.gap.places.missing import NOTHING, Missing, find_missing, law_findin
 from spa_fo.gap.plan.next_steps import in_words, next_steps
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, read_model, write_model
-from spa_fo.plant.effects.library import COMMONEST, LIBRARY
+from spa_fo.plant.effects.library import COMMONEST, LIBRARY, rare
 from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.plant.nominal_drive import driven_by
 from spa_fo.rig import CampaignData, read_campaign, read_trials
@@ -163,9 +163,9 @@ def diagnose(
         What is to be expected beside the bench's own noise.
     """
     use_effects_of(data.campaign.folder)
-    rare = tuple(n for n in LIBRARY if LIBRARY[n].odds < 1.0 and n not in excluded)
-    answered = _answered(data, plain, (*excluded, *rare), seed, progress, beyond)
-    if rare and answered.verdict.kind == "unknown":
+    kept = tuple(name for name in LIBRARY if rare(name) and name not in excluded)
+    answered = _answered(data, plain, (*excluded, *kept), seed, progress, beyond)
+    if kept and answered.verdict.kind == "unknown":
         progress("trying what is rare, too")
         further = _answered(data, plain, excluded, seed, progress, beyond)
         answered = max(answered, further, key=lambda each: (each.named, each.closes))
@@ -191,7 +191,7 @@ def diagnose(
         material=data.campaign.material,
         provenance=data.campaign.provenance.kind,
         seed=seed,
-        excluded=tuple(name for name in examined.excluded if name not in rare),
+        excluded=tuple(name for name in examined.excluded if name not in kept),
         gap=Gap(
             rmse_deg=rmse(everything, curves["plain"], everywhere),
             noise_floor_deg=floor,

@@ -86,7 +86,7 @@ class AngleProblem(Explained):
             bench.shifted if shifted else bench.spread,
             LOWEST,
             HIGHEST,
-            bench.scales,
+            _scales(bench, at_port("zeros", ids) is not None),
         )
         self.film_slots = LIBRARY.slots(lambda e: e.in_fixture)
         self.angle_slots = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
@@ -280,6 +280,17 @@ class AngleProblem(Explained):
         )
         rest = (values[n:].T / sigma).T
         return np.concatenate([self.bench.whitening.white(factor, values[:n]), rest])
+
+
+def _scales(bench: Bench, slips: bool) -> Floats:
+    """Typical standard deviations of the nuisances.
+
+    Beside a slip, which lets repeats differ at rest, the bench's rest scatter is a usual one.
+    """
+    scales = bench.scales.copy()
+    if slips:
+        scales[REST] = min(scales[REST], SETTINGS.rest_scatter_deg)
+    return scales
 
 
 def starts(problem: AngleProblem, coefficients: Floats) -> list[Floats]:

@@ -16,7 +16,7 @@ from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.whitening import Rows, Whitening
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
-from spa_fo.plant.effects.library import LIBRARY, absent, ordered
+from spa_fo.plant.effects.library import LIBRARY, absent, beside, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -159,7 +159,11 @@ def examine_drive(
         for fit in each(alone, names):
             fits[fit.ids] = fit
         ranked = sorted(names, key=lambda n: -float(fits[(n,)].evidence.max()))
-        pairs = [ordered(pair) for pair in combinations(ranked[:_PAIRED], 2)]
+        pairs = [
+            ordered((one, other))
+            for one, other in combinations(ranked[:_PAIRED], 2)
+            if beside((one,), (other,))
+        ]
 
         def together(ids: Ids) -> DriveFit:
             problem = PressureProblem(evidence, whitening, ids, known)

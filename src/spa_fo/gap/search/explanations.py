@@ -30,7 +30,7 @@ from spa_fo.gap.search.fitted import (
 )
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
-from spa_fo.plant.effects.library import LIBRARY, at_port, log_odds, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port, beside, log_odds, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -188,7 +188,7 @@ def _beside(
 ) -> dict[Ids, Fitted]:
     """Fit one effect more beside each host: those that a score test shows, and the linear ones."""
     more: dict[Ids, list[Floats]] = {}
-    shown = each(lambda host: screen(bench, host, chained), hosts)
+    shown = each(lambda host: screen(bench, host, beside(host.ids, chained)), hosts)
     for host, seen in zip(hosts, shown, strict=True):
         for name in _first(seen, _BESIDE):
             more.setdefault(ordered((*host.ids, name)), _points(seen, name)[:1])

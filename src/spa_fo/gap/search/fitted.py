@@ -125,10 +125,11 @@ def begun(
     variants = [False]
     if at_port("curve", ids) and bench.evidence.drift_deg.size:
         variants = [False, True]
-    factor, variances = bench.whitening.factor(1.0, share), bench.scales**2
+    factor = bench.whitening.factor(1.0, share)
     fits = []
     for changed in variants:
         problem = AngleProblem(bench, ids, changed)
+        variances = problem.scales**2
         spread = problem.spread(variances)
         rough = [problem.search(z, factor, spread, _ROUGH, _ROUGH_TRIED) for z in points]
         found = min(rough, key=lambda m: m.at.value)

@@ -152,6 +152,16 @@ def log_odds(ids: Sequence[str]) -> float:
     return float(sum(np.log(LIBRARY[name].odds) for name in ids))
 
 
+def rare(name: str) -> bool:
+    """Say whether only single rigs show an effect."""
+    return LIBRARY[name].odds < 1.0
+
+
+def beside(ids: Sequence[str], names: Sequence[str]) -> list[str]:
+    """Leave out of `names` what does not come beside effects: no rig shows two that are rare."""
+    return [name for name in names if not (rare(name) and any(map(rare, ids)))]
+
+
 def absent() -> Floats:
     """Return the vector of all parameters with no effect in it: NaN in every slot."""
     return np.full(LIBRARY.size, np.nan)
