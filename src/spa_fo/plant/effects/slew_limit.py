@@ -39,7 +39,7 @@ EFFECT = Effect(
             centre=0.03,
             factor=2.0,
             low=0.005,
-            high=1.0,
+            high=0.2,  # one that takes longer is a line's lag
         ),
     ),
     name="slew limit of the drive",
