@@ -225,7 +225,9 @@ FOREIGN_EFFECTS: Mapping[str, ForeignEffect] = {
         ("orifice_flow", "line_lag", "slew_limit"),
         "the line follows late, if in one direction only",
     ),
-    "pump_ripple": ForeignEffect(_ripple, (), "nothing in the library swings the pressure"),
+    "pump_ripple": ForeignEffect(
+        _ripple, ("drive_hunting",), "a regulator that hunts swings the pressure as regularly"
+    ),
     "quadratic_drag": ForeignEffect(
         lambda _: (QuadraticDrag, 0.05, 5.0), (), "no effect of the library depends on the rate so"
     ),

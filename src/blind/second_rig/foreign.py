@@ -14,7 +14,7 @@ Rng = np.random.Generator
 EQUIVALENTS: Mapping[str, tuple[str, ...]] = {
     "regulator_overshoot": ("drive_overshoot",),
     "slow_vent": ("orifice_flow", "line_lag"),  # filling alone is a low-pass
-    "valve_limit_cycle": (),
+    "valve_limit_cycle": ("drive_hunting",),
     "supply_wander": (),
     # a static curve before the body, or behind it
     "ballooning": ("gain_growth", "sensor_nonlinearity"),
@@ -26,7 +26,7 @@ EQUIVALENTS: Mapping[str, tuple[str, ...]] = {
     "shape_set": ("pressure_set", "sensor_slip", "creep"),
     "tear": ("thermal_drift",),  # a loss of gain at one moment, where trials are too few to see it
     "pressure_cross_talk": (),
-    "frozen_reading": (),
+    "frozen_reading": ("sensor_freeze", "sensor_detachment"),
     "baseline_wander": ("mains_pickup",),  # an alias may be as slow
 }
 
