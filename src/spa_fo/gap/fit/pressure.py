@@ -34,7 +34,7 @@ def blur(evidence: Evidence, at: Integers | None = None) -> Floats:
     """
     grid = evidence.grid
     interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in grid.trials])))
-    reach = max(1, round(interval / FINEST_STEP_S))
+    reach = 1 + max(1, round(interval / FINEST_STEP_S))  # when in its cell it changed is not known
     if at is None:
         at = grid.first_cell[grid.sample_step] + grid.cells[grid.sample_step] // 2
     total = np.zeros(at.size)

@@ -131,9 +131,10 @@ def examine_drive(
         What is to be expected beside the sensor's noise, kPa².
     """
     step = resolution(evidence)
-    fixed = (_BLUR * blur(evidence)) ** 2 + step**2 / 12.0 + _BINNING_KPA**2
-    rows = rows_of(evidence, fixed)
-    spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
+    rows = rows_of(evidence, (_BLUR * blur(evidence)) ** 2 + _BINNING_KPA**2)
+    # What a step of the converter hides stays the same for as long as the pressure does.
+    hidden = np.full(CORRELATION_S.size, step**2 / 12.0 / CORRELATION_S.size)
+    spectrum = Spectrum(evidence.pressure_noise_kpa**2, hidden)
     if beyond is not None:
         spectrum = spectrum.beside(beyond)
     known = beyond is not None  # what is expected was learned from the same sensor
