@@ -207,7 +207,7 @@ def _drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], room_kpa: Floats, x
 
 
 def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:
-    """Square what is left at each row, less its noise; rows about a jump as their neighbours."""
+    """Square what is left at each row, less its noise; about a jump at least as its neighbours."""
     squares = left**2
     for group in rows.groups:
         noise = group.fixed + white / group.count
@@ -216,7 +216,8 @@ def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:
             mine = np.flatnonzero(group.trial == trial)
             sharp = mine[noise[mine] <= _SHARP * np.median(noise[mine])]
             at = group.rows.start
-            squares[at + mine] = np.interp(mine, sharp, squares[at + sharp])
+            near = np.interp(mine, sharp, squares[at + sharp])
+            squares[at + mine] = np.maximum(squares[at + mine], near)
     return squares
 
 
