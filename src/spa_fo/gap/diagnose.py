@@ -167,7 +167,7 @@ def diagnose(
     answered = _answered(data, plain, (*excluded, *kept), seed, progress, beyond)
     if kept and answered.verdict.kind == "unknown":
         progress("trying what is rare, too")
-        further = _answered(data, plain, excluded, seed, progress, beyond)
+        further = _answered(data, plain, excluded, seed, progress, beyond, answered.examined)
         answered = max(answered, further, key=lambda each: (each.named, each.closes))
     examined, claimed, verdict = answered.examined, answered.claimed, answered.verdict
     everything, held, floor = examined.everything, examined.held, examined.floor_deg
@@ -252,10 +252,11 @@ def _answered(
     seed: int,
     progress: Progress,
     beyond: Beyond | None,
+    earlier: Examined | None = None,
 ) -> _Answered:
     """Answer with what the library holds without some effects."""
     rng = np.random.default_rng(seed)
-    examined = examine(data, plain, excluded, rng, progress, beyond)
+    examined = examine(data, plain, excluded, rng, progress, beyond, earlier)
 
     def claim_of(verdict: Verdict) -> Claim:
         return claim(

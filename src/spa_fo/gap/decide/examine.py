@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,11 +20,13 @@ from spa_fo.gap.noise.interference import NONE, fast_line
 from spa_fo.gap.search.drive import Drive, examine_drive
 from spa_fo.gap.search.drive_by_angle import joined
 from spa_fo.gap.search.explanations import Explanations, explain
+from spa_fo.gap.search.fitted import Fitted
 from spa_fo.plant import Model
 from spa_fo.plant.effects.library import LIBRARY, at_port
 from spa_fo.rig import CampaignData
 
 Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
 Progress = Callable[[str], None]
 _IDENTIFIED = "sampling"  # a key that an identification writes to its model
 
@@ -80,10 +82,12 @@ def examine(
     rng: np.random.Generator,
     progress: Progress = silent,
     beyond: Beyond | None = None,
+    earlier: Examined | None = None,
 ) -> Examined:
     """Fit and weigh every explanation; for the parameters see `diagnose`.
 
-    `rng` chooses the trials that are held out.
+    `rng` chooses the trials that are held out. What was fitted `earlier`, with fewer effects
+    and the same trials, stays as it is.
     """
     check_driven(plain, data)
     by_command = data.campaign.command_is_pressure
@@ -117,11 +121,12 @@ def examine(
         floor = bench.noise.floor_deg(everything.grid.angle_deg)
     if beyond is not None:
         floor = max(floor, beyond.angle_deg)
-    found = explain(bench, excluded)
+    found = explain(bench, excluded, _known(earlier, drive))
     if drive is not None:
         before, drive = drive, joined(drive, found)
         if drive.best.ids != before.best.ids:
-            found = explain(bench_for(evidence, given, own, drive.pressure_kpa, beyond), excluded)
+            bench = bench_for(evidence, given, own, drive.pressure_kpa, beyond)
+            found = explain(bench, excluded, _known(earlier, drive))
     progress(f"weighing {len(found.fits)} explanations")
     line = at_port("line")
     fast = NONE if line in excluded else fast_line(evidence)
@@ -132,3 +137,13 @@ def examine(
         drive_floor = beyond.pressure_kpa * drive.per_kpa_deg
     verdict = decide(found, drive, fast, evidence, floor, drive_floor)
     return Examined(data, everything, held, given, excluded, drive, found, verdict, floor, nominal)
+
+
+def _known(earlier: Examined | None, drive: Drive | None) -> Mapping[Ids, Fitted]:
+    """Give the fits of an earlier search, where the same pressure drove them."""
+    if earlier is None:
+        return {}
+    one, other = (None if d is None else d.pressure_kpa for d in (earlier.drive, drive))
+    if one is None or other is None:
+        return earlier.found.fits if one is other else {}
+    return earlier.found.fits if np.array_equal(one, other) else {}
