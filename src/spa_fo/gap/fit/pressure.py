@@ -34,9 +34,10 @@ def blur(evidence: Evidence, at: Integers | None = None) -> Floats:
     """
     grid = evidence.grid
     interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in grid.trials])))
-    reach = 1 + max(1, round(interval / FINEST_STEP_S))  # when in its cell it changed is not known
+    reach = max(1, round(interval / FINEST_STEP_S))
     if at is None:
         at = grid.first_cell[grid.sample_step] + grid.cells[grid.sample_step] // 2
+        reach += 1  # when in its cell the pressure changes is not known
     total = np.zeros(at.size)
     for cells in (grid.pressure_kpa, grid.command_kpa):
         assert cells is not None

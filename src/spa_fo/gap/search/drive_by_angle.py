@@ -23,6 +23,7 @@ from spa_fo.gap.together import each
 
 _NEAR = 60.0  # nats behind the best explanation of the pressure, which an angle may make up for
 _MOST = 4  # explanations of the pressure, the best among them
+_SAME = 1e-3  # of a pressure: another one that differs by less is the same
 _CARRIED = 3  # explanations of the angle that are tried with each, beside the plain model
 
 
@@ -47,12 +48,13 @@ def joined(drive: Drive, found: Explanations) -> Drive:
     nothing = drive.fits[()]
     if nothing not in near and _worth(nothing) > _worth(ranked[0]) - _NEAR:
         near.append(nothing)
-    if len(near) < 2:
-        return drive
     allowed = [f for f in found.fits.values() if f.ids and not set(f.ids) & set(found.excluded)]
     allowed = [f for f in allowed if np.isfinite(f.logs).all()]
     carried = [found.plain, *sorted(allowed, key=lambda f: -_value(f))[:_CARRIED]]
-    others = [one for one in near if one.ids != drive.best.ids]
+    alike = {drive.best.ids, *(one.ids for one in near if _alike(drive, one))}
+    others = [one for one in near if one.ids not in alike]
+    if not others:
+        return drive
     benches = [_driven(drive, found, one) for one in others]
     pairs = [(k, angle) for k in range(len(others)) for angle in carried]
     rough = each(lambda p: begun(benches[p[0]], p[1].ids, [p[1].z], found.plain), pairs)
@@ -63,7 +65,7 @@ def joined(drive: Drive, found: Explanations) -> Drive:
         lambda p: _value(weighed(benches[p[0]], settled(benches[p[0]], p[1], found.plain))), worth
     )
     total = {one.ids: -np.inf for one in near}
-    total[drive.best.ids] = max(_value(angle) for angle in carried)
+    total |= dict.fromkeys(alike, max(_value(angle) for angle in carried))
     for (k, _), value in zip(worth, values, strict=True):
         total[others[k].ids] = max(total[others[k].ids], value)
     top, least = max(total.values()), min(total.values())
@@ -72,6 +74,12 @@ def joined(drive: Drive, found: Explanations) -> Drive:
         for ids, f in drive.fits.items()
     }
     return drive.of(found.bench.evidence, fits)
+
+
+def _alike(drive: Drive, one: DriveFit) -> bool:
+    """Say whether no angle tells an explanation of the pressure from the best one."""
+    best = drive.best.cells_kpa
+    return bool(np.sum((one.cells_kpa - best) ** 2) <= _SAME**2 * np.sum(best**2))
 
 
 def _worth(fitted: DriveFit) -> float:
