@@ -26,25 +26,53 @@ from spa_fo.plant.memory import FINEST_STEP_S
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_UNIFORM = 1.0 / np.sqrt(12.0)  # sigma of what may be anywhere in an interval of 1
+_OF_A_JUMP = 0.5
 
-def blur(evidence: Evidence, at: Integers | None = None) -> Floats:
-    """Change of command and pressure within one row about some cells, kPa.
 
-    Those in the middle of each averaged sample where none are named.
-    """
-    grid = evidence.grid
-    interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in grid.trials])))
-    reach = max(1, round(interval / FINEST_STEP_S))
-    if at is None:
-        at = grid.first_cell[grid.sample_step] + grid.cells[grid.sample_step] // 2
-        reach += 1  # when in its cell the pressure changes is not known
+def blur(evidence: Evidence, at: Integers) -> Floats:
+    """Change of command and pressure within one row about some cells, kPa."""
+    grid, reach = evidence.grid, _reach(evidence)
     total = np.zeros(at.size)
     for cells in (grid.pressure_kpa, grid.command_kpa):
         assert cells is not None
-        after = np.minimum(at + reach, cells.size - 1)
-        before = np.maximum(at - reach, 0)
-        total += np.abs(cells[after] - cells[before])
+        before, after = _beside(cells, at, reach)
+        total += np.abs(after - before)
     return total
+
+
+def timing_error(evidence: Evidence) -> Floats:
+    """Error of the averaged samples as the pressure moves while one is taken, 1 sigma, kPa.
+
+    A ramp is known but for when in its cell it is read; of a jump a row may see any part, and so
+    may the rows beside it.
+    """
+    grid, reach = evidence.grid, _reach(evidence)
+    middle = grid.first_cell[grid.sample_step] + grid.cells[grid.sample_step] // 2
+    last = int(grid.cell_starts[-1]) - 1
+    squares = np.zeros(middle.size)
+    for cells in (grid.pressure_kpa, grid.command_kpa):
+        assert cells is not None
+        before, after = _beside(cells, middle, reach)
+        squares += (_UNIFORM * (after - before) / (2.0 * reach)) ** 2
+        jump = np.zeros(middle.size)
+        for side in (-1, 0, 1):
+            at = np.clip(middle + side, 0, last)
+            before, after = _beside(cells, at, reach)
+            jump = np.maximum(jump, np.abs(after - 2.0 * cells[at] + before))
+        squares += (_OF_A_JUMP * jump) ** 2
+    return np.asarray(np.sqrt(squares))
+
+
+def _reach(evidence: Evidence) -> int:
+    """Cells between two samples."""
+    interval = float(np.median(np.concatenate([np.diff(t.t_s) for t in evidence.grid.trials])))
+    return max(1, round(interval / FINEST_STEP_S))
+
+
+def _beside(cells: Floats, at: Integers, reach: int) -> tuple[Floats, Floats]:
+    after = cells[np.minimum(at + reach, cells.size - 1)]
+    return cells[np.maximum(at - reach, 0)], after
 
 
 def lagged(cells_kpa: Floats, starts: Integers, lag_s: float) -> Floats:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.fit.mixed import Normal, Prior, Solution, solve
-from spa_fo.gap.fit.pressure import blur, resolution
+from spa_fo.gap.fit.pressure import resolution, timing_error
 from spa_fo.gap.places.law_basis import Basis, motion_basis
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.law import Law
@@ -18,7 +18,6 @@ _TIMES_S = np.geomspace(0.03, 3.0, 13)  # first-order drives that a fit may begi
 _ROUNDS, _HALVED = 8, 6
 _STEP = 1e-3
 _MOST_ALIKE = 0.99  # correlation of neighbouring samples
-_BLUR = 0.5  # of the change of pressure about a row: when exactly it changed is not known
 
 
 class FillingFit:
@@ -45,7 +44,7 @@ class FillingFit:
         self._used = evidence.used
         self._measured = grid.measured_kpa[self._used]
         white = evidence.pressure_noise_kpa**2 / grid.counts + resolution(evidence) ** 2 / 12.0
-        self._sigma = np.sqrt(white + (_BLUR * blur(evidence)) ** 2)[self._used]
+        self._sigma = np.sqrt(white + timing_error(evidence) ** 2)[self._used]
         step_kpa = grid.sampled(self._command)[self._used]
         above = step_kpa - self._measured
         self.basis: Basis = motion_basis("filling", above, grid.counts[self._used], straight=True)

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence, angle_chain
+from spa_fo.gap.data.floor import repeats
 from spa_fo.gap.fit.bench import SHARES, local_size, rows_of
-from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, starts
+from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, starts, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.whitening import Rows, Whitening
 from spa_fo.gap.settings import SETTINGS
@@ -22,7 +23,7 @@ Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
 _BINNING_KPA = 0.02  # error of averaging a pressure over a step
-_BLUR = 0.5  # of the change of pressure about a row: when exactly it changed is not known
+_BLUR = 0.5  # of the change of pressure about a cell: when exactly it changed is not known
 _ROOM = 2.0  # deviations of the pressure's noise within which the model is believed
 _SHARP = 4.0  # times a trial's median noise: rows beyond are about a jump
 _PAIRED = 4  # of the best single effects
@@ -131,21 +132,22 @@ def examine_drive(
         What is to be expected beside the sensor's noise, kPa².
     """
     step = resolution(evidence)
-    rows = rows_of(evidence, (_BLUR * blur(evidence)) ** 2 + _BINNING_KPA**2)
+    known = timing_error(evidence) ** 2 + _BINNING_KPA**2
+    rows = rows_of(evidence, known + _between_repeats(evidence, known))
     # What a step of the converter hides stays the same for as long as the pressure does.
     hidden = np.full(CORRELATION_S.size, step**2 / 12.0 / CORRELATION_S.size)
     spectrum = Spectrum(evidence.pressure_noise_kpa**2, hidden)
     if beyond is not None:
         spectrum = spectrum.beside(beyond)
-    known = beyond is not None  # what is expected was learned from the same sensor
-    bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), (), known)
+    lag_known = beyond is not None  # what is expected was learned from the same sensor
+    bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), (), lag_known)
     squares = _beyond_noise(rows, spectrum.white + spectrum.coloured.sum(), bare.left(np.zeros(1)))
     size = local_size(rows, squares)
     whitening = Whitening(rows, spectrum, size)
     for share in (*SHARES, SETTINGS.search_share):
         whitening.factor(1.0, share)
     fits: dict[Ids, DriveFit] = {}
-    nothing = PressureProblem(evidence, whitening, (), known)
+    nothing = PressureProblem(evidence, whitening, (), lag_known)
     fits[()] = _fit(nothing, starts(nothing, ()))
     cells = np.arange(int(evidence.grid.cell_starts[-1]))
     room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa + _BLUR * blur(evidence, cells)
@@ -154,7 +156,7 @@ def examine_drive(
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
 
         def alone(name: str) -> DriveFit:
-            problem = PressureProblem(evidence, whitening, (name,), known)
+            problem = PressureProblem(evidence, whitening, (name,), lag_known)
             return _fit(problem, starts(problem, _DELAYS_S))
 
         for fit in each(alone, names):
@@ -167,7 +169,7 @@ def examine_drive(
         ]
 
         def together(ids: Ids) -> DriveFit:
-            problem = PressureProblem(evidence, whitening, ids, known)
+            problem = PressureProblem(evidence, whitening, ids, lag_known)
             alone = [fits[(name,)].z for name in ids]
             lag = np.mean([z[-1:] for z in alone], axis=0)
             return _fit(problem, [np.concatenate([*(z[:-1] for z in alone), lag])])
@@ -175,6 +177,27 @@ def examine_drive(
         for fit in each(together, pairs):
             fits[fit.ids] = fit
     return _drive_of(evidence, fits, room, x)
+
+
+def _between_repeats(evidence: Evidence, known: Floats) -> Floats:
+    """Variance of repeated trials about their mean, beyond what is known, (n,), kPa².
+
+    No effect makes a pressure that differs where all was the same.
+    """
+    grid, found = evidence.grid, np.zeros(known.size)
+    assert grid.measured_kpa is not None
+    for repeated in repeats(evidence, grid.measured_kpa, evidence.takes_part):
+        rows = repeated.rows
+        several = np.isfinite(repeated.values).sum(axis=0) > 1
+        if not several.any():
+            continue
+        variance = np.nanvar(repeated.values[:, several], axis=0, ddof=1)
+        beyond = np.maximum(variance - known[rows[several]], 0.0)
+        alike = evidence.alike == evidence.alike[grid.sample_trial[rows[0]]]
+        for trial in np.flatnonzero(alike):
+            own = evidence.rows[trial]
+            found[own] = np.interp(grid.time_s[own], grid.time_s[rows[several]], beyond)
+    return found
 
 
 def true_pressure(evidence: Evidence, fitted: DriveFit, room_kpa: Floats) -> Floats:
