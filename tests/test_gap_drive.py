@@ -8,16 +8,20 @@ import pytest
 from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import collect
+from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.search.drive import examine_drive
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, rare
 from spa_fo.plant.memory import FINEST_STEP_S
 
 NOISE_KPA = 0.1
-RARE = tuple(name for name in LIBRARY if LIBRARY[name].odds < 1.0)  # tried where these do not do
+RARE = tuple(filter(rare, LIBRARY))  # tried where these do not do
 
 
-def driven(delays_s, levels_kpa=(SIXTY,), leak_per_s=0.0):
-    """Trials of jumps that the drive follows late, each after a delay of its own."""
+def driven(delays_s, levels_kpa=(SIXTY,), leak_per_s=0.0, step_kpa=0.0):
+    """Trials of jumps that the drive follows late, each after a delay of its own.
+
+    `step_kpa` is that of the converter that reads the pressure.
+    """
     rng = np.random.default_rng(3)
     own = []
     commands = [step_release(level) for level in levels_kpa for _ in delays_s]
@@ -27,7 +31,9 @@ def driven(delays_s, levels_kpa=(SIXTY,), leak_per_s=0.0):
         pressure = np.where(at >= 0, trial.command_kpa[np.maximum(at, 0)], 0.0)
         pressure = pressure * np.exp(-leak_per_s * trial.t_s)
         angle = np.degrees(simulate(trial.t_s, pressure / KPA, *X, hold="zero"))
-        noisy = pressure + NOISE_KPA * rng.normal(size=pressure.size)
+        noisy = pressure + (0.0 if step_kpa else NOISE_KPA) * rng.normal(size=pressure.size)
+        if step_kpa:
+            noisy = step_kpa * np.round(noisy / step_kpa)
         own.append(
             replace(
                 trial,
@@ -80,3 +86,43 @@ def test_a_drive_that_follows_its_command_has_no_gap():
 def test_a_drive_effect_may_be_left_out():
     found = examine_drive(driven([0.3] * 3), ("dead_time", *RARE), X)
     assert all("dead_time" not in ids for ids in found.fits)
+
+
+def test_a_step_of_the_converter_is_no_drive_effect():
+    levels = (0.31 * SIXTY, 0.52 * SIXTY, 0.77 * SIXTY, SIXTY)
+    found = examine_drive(driven([0.0] * 2, levels, step_kpa=0.04 * SIXTY), RARE, X)
+    none = found.fits[()].evidence
+    assert all(fit.evidence.max() < none.max() + 1.0 for fit in found.fits.values())
+    # Nor is it something that no effect of the library explains.
+    assert none[0] > none.max() - 3.0
+
+
+def test_a_jump_is_uncertain_by_its_size_and_a_ramp_by_its_rate():
+    evidence = driven([0.1] * 2)
+    error = timing_error(evidence)
+    rows = evidence.rows[0]
+    time, jumps = evidence.grid.time_s[rows], np.array([0.5, 0.6])
+    near = np.min(np.abs(time[:, None] - jumps[None, :]), axis=1)
+    assert error[rows][near < 0.015].min() > 0.2 * SIXTY
+    quiet = (near > 0.2) & (time < 4.0)
+    assert error[rows][quiet].max() < 5.0 * NOISE_KPA
+    rate, ramp = 50.0, trials(np.minimum(50.0 * 0.02 * np.arange(400), 200.0))
+    data = campaign_data([replace(t, pressure_kpa=t.command_kpa) for t in ramp])
+    moving = timing_error(collect(data))[5:30]
+    # Both signals, each anywhere within a cell.
+    expected = np.sqrt(2.0) * rate * FINEST_STEP_S / np.sqrt(12.0)
+    np.testing.assert_allclose(moving, expected, rtol=0.05)
+
+
+def test_what_repeats_differ_by_is_no_effect_of_the_drive():
+    found = examine_drive(driven([0.1, 0.3, 0.1, 0.3]), RARE, X)
+    alike = examine_drive(driven([0.1, 0.1, 0.3, 0.3]), RARE, X)
+    for one in (found, alike):
+        assert one.best.ids[:1] == ("dead_time",)
+        assert one.best.evidence[0] > one.best.evidence.max() - 50.0
+
+
+def test_no_explanation_of_the_pressure_holds_two_effects_that_are_rare():
+    found = examine_drive(driven([0.3] * 3), (), X)
+    assert any(any(map(rare, ids)) for ids in found.fits)
+    assert all(sum(map(rare, ids)) < 2 for ids in found.fits)

@@ -9,11 +9,12 @@ import pytest
 
 import campaigns
 from spa_fo.gap.data.evidence import collect
-from spa_fo.gap.fit.bench import Bench, bench_for
+from spa_fo.gap.fit.bench import REST, Bench, bench_for
 from spa_fo.gap.fit.problem import AngleProblem, starts
 from spa_fo.gap.search.explanations import Explanations, explain, screen
 from spa_fo.gap.search.fitted import HOPE, begun, fit, settled
-from spa_fo.plant.effects.library import IDS, LIBRARY
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import IDS, LIBRARY, rare
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 
 GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
@@ -131,3 +132,34 @@ def test_a_slow_interference_is_found_beside_another_effect(clean: CampaignData)
     assert best.line[1] == pytest.approx(2.0, rel=0.3)
     alone = [f for ids, f in found.fits.items() if len(ids) == 1]
     assert best.logs.max() > max(f.logs.max() for f in alone) + 12.0
+
+
+def test_fits_with_fewer_effects_are_kept(clean: CampaignData, lagged: Explanations) -> None:
+    others = tuple(name for name in OTHERS if name != "sensor_creep")
+    bench = bench_of(lagging(clean))
+    again, anew = explain(bench, others, lagged.fits), explain(bench, others)
+    kept = {ids for ids in again.fits if ids in lagged.fits and "mains_pickup" not in ids}
+    assert all(again.fits[ids].quick == lagged.fits[ids].quick for ids in kept)
+    assert len(kept) < len(again.fits)
+    best, other = (max(e.fits.values(), key=lambda f: f.logs.max()) for e in (again, anew))
+    assert best.ids == other.ids
+    assert best.logs.max() == pytest.approx(other.logs.max(), abs=0.1)
+
+
+def test_no_explanation_holds_two_effects_that_are_rare(clean: CampaignData) -> None:
+    few = ("sensor_lag", "gain_growth", "pressure_set")
+    found = explain(bench_of(lagging(clean)), tuple(n for n in IDS if n not in few))
+    assert any(any(map(rare, ids)) for ids in found.fits)
+    assert all(sum(map(rare, ids)) < 2 for ids in found.fits)
+
+
+def test_repeats_that_a_slip_sets_apart_do_not_hide_it(clean: CampaignData) -> None:
+    order = {trial.label: place for place, trial in enumerate(clean.trials)}
+    slipped = tuple(
+        replace(t, angle_deg=t.angle_deg + 3.0 * (order[t.label] > 1)) for t in clean.trials
+    )
+    bench = bench_of(replace(clean, trials=slipped))
+    problem = AngleProblem(bench, ("sensor_slip",))
+    assert bench.scales[REST] > 2.0 * SETTINGS.rest_scatter_deg
+    assert problem.scales[REST] == SETTINGS.rest_scatter_deg
+    np.testing.assert_array_equal(AngleProblem(bench, ("creep",)).scales, bench.scales)
