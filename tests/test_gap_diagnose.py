@@ -76,9 +76,9 @@ def test_trials_that_judge_took_no_part_in_the_fits(tmp_path, monkeypatch):
     explained, shrunk = module.explain, claim.shrink
     seen = {}
 
-    def watched(bench, excluded):
+    def watched(bench, *rest):
         seen["fitted"] = bench.evidence.takes_part
-        return explained(bench, excluded)
+        return explained(bench, *rest)
 
     def measured(everything, held, *rest):
         seen["judged"] = held.trials

@@ -25,16 +25,9 @@ from spa_fo.gap.data.evidence import collect, curve_columns
 from spa_fo.gap.data.searched import at_rate, to_x, to_z
 from spa_fo.gap.diagnosis import Cause
 from spa_fo.gap.noise.bench_noise import TYPICAL
+from spa_fo.gap.plan.advice import advise, plan_few
 from spa_fo.gap.plan.next_steps import next_steps
-from spa_fo.gap.plan.profile_choice import (
-    SEPARABLE,
-    advise,
-    plan,
-    plan_few,
-    recommendation,
-    runs,
-    table,
-)
+from spa_fo.gap.plan.profile_choice import SEPARABLE, plan, recommendation, runs, table
 from spa_fo.gap.plan.profiles import (
     BANNER,
     COLUMNS,
@@ -46,9 +39,10 @@ from spa_fo.gap.plan.profiles import (
     limits_of,
     write_profile,
 )
+from spa_fo.gap.plan.refit import SPECIMEN_SPREAD, Bench
 from spa_fo.gap.plan.remedies import remedies, twins
 from spa_fo.gap.plan.rivals import Rival, Standing, read_standing, rival
-from spa_fo.gap.plan.separation import _SPREAD, Bench, PairwiseSeparation
+from spa_fo.gap.plan.separation import PairwiseSeparation
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
 from spa_fo.plant.chain import chain_for
@@ -198,7 +192,7 @@ def slow_cost(grid: CampaignGrid, refit: Rival, truth: Rival) -> float:
     shared = np.column_stack([late, curve_columns(y0)]) * np.append(
         SETTINGS.angle_late_s, CURVE_DEG
     )
-    spread = np.append(_SPREAD, LIBRARY[refit.ids[0]].parameters[0].spread)
+    spread = np.append(SPECIMEN_SPREAD, LIBRARY[refit.ids[0]].parameters[0].spread)
     weight = np.sqrt(seconds(grid) / 0.5)
 
     def residuals(v: np.ndarray) -> np.ndarray:

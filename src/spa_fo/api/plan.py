@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from spa_fo.api.campaign import Campaign
 from spa_fo.api.show import card
 from spa_fo.gap.decide.nominal import driven_by_pressure
-from spa_fo.gap.plan.profile_choice import Advice, plan_campaign, report
+from spa_fo.gap.plan.advice import Advice, plan_campaign, report
 from spa_fo.gap.plan.profiles import Profile, write_profile
 from spa_fo.gap.plan.rivals import Standing
 

@@ -58,12 +58,16 @@ def _of(
             found.setdefault(kind, []).append((trial, value, lasts_s))
     for kind, cases in found.items():
         _, value, lasts_s = cases[0]
-        what = f"reads {value:.4g} {unit}, {kind}," if kind else f"stands at {value:.4g} {unit}"
-        why = "at its rail or against a stop" if kind else "frozen, or not read anew"
-        yield (
-            f"the {name} {what} for {lasts_s:.3g} s while {mover_name} moves, in {_named(cases)}: "
-            f"{why}"
-        )
+        if kind:
+            yield (
+                f"the {name} reads {value:.4g} {unit}, {kind}, for {lasts_s:.3g} s while "
+                f"{mover_name} moves, in {_named(cases)}: at its rail or against a stop"
+            )
+        else:
+            yield (
+                f"the {name} stands at {value:.4g} {unit} for {lasts_s:.3g} s while "
+                f"{mover_name} moves, in {_named(cases)}: frozen, or not read anew"
+            )
 
 
 def _longest(t_s: Floats, y: Floats, u: Floats) -> tuple[float, float] | None:

@@ -15,7 +15,8 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.answer.findings import MISSING, lacking
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.diagnosis import Cause, Step
-from spa_fo.gap.plan.profile_choice import Plan, plan_few, richest_profile, to_run
+from spa_fo.gap.plan.advice import plan_few, richest_profile
+from spa_fo.gap.plan.profile_choice import Plan, to_run
 from spa_fo.gap.plan.profiles import limits_of
 from spa_fo.gap.plan.remedies import CAMERA, Remedy, known_remedies
 from spa_fo.gap.plan.rivals import Ids
