@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,7 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import chain
 from spa_fo.plant.effects.drive_overshoot import peak
 from spa_fo.plant.effects.effect import Effect
-from spa_fo.plant.effects.library import CONTRACT, IDS, LIBRARY, absent
+from spa_fo.plant.effects.library import CONTRACT, IDS, LIBRARY, absent, tried_late
 from spa_fo.plant.memory import FINEST_STEP_S
 from spa_fo.plant.stages import true_pressure
 from test_plant_effects import CELL, angles, jerky
@@ -283,3 +284,13 @@ def test_a_regulator_that_hunts_lets_a_held_pressure_fall_and_corrects_it() -> N
     ramp = np.linspace(0.0, 20.0, 500)
     moving = act("drive_hunting", ramp, time[:500], fall=0.25, period_s=1.7)
     np.testing.assert_allclose(moving, ramp, rtol=0.25 * cell_s / 1.7)
+
+
+def test_a_log_that_stands_still_lets_a_frozen_reading_be_tried_at_once() -> None:
+    (trial,) = trials(step_release())
+    moving = replace(trial, angle_deg=np.linspace(0.0, 30.0, trial.t_s.size))
+    assert "sensor_freeze" in tried_late([moving])
+    frozen = moving.angle_deg.copy()
+    frozen[100:] = frozen[100]
+    stuck = replace(moving, angle_deg=frozen)
+    assert set(tried_late([moving])) - set(tried_late([moving, stuck])) == {"sensor_freeze"}

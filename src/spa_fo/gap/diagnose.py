@@ -32,7 +32,7 @@ from spa_fo.gap.places.missing import NOTHING, Missing, find_missing, law_findin
 from spa_fo.gap.plan.next_steps import in_words, next_steps
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, read_model, write_model
-from spa_fo.plant.effects.library import COMMONEST, LIBRARY, rare
+from spa_fo.plant.effects.library import COMMONEST, LIBRARY, tried_late
 from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.plant.nominal_drive import driven_by
 from spa_fo.rig import CampaignData, read_campaign, read_trials
@@ -163,7 +163,7 @@ def diagnose(
         What is to be expected beside the bench's own noise.
     """
     use_effects_of(data.campaign.folder)
-    kept = tuple(name for name in LIBRARY if rare(name) and name not in excluded)
+    kept = tuple(name for name in tried_late(data.trials) if name not in excluded)
     answered = _answered(data, plain, (*excluded, *kept), seed, progress, beyond)
     if kept and answered.verdict.kind == "unknown":
         progress("trying what is rare, too")

@@ -6,13 +6,15 @@ effect by its name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from spa_fo.rig.trial import Trial
 
 Floats = NDArray[np.float64]
 Stage = Literal["drive", "actuator", "sensor", "acquisition"]
@@ -112,6 +114,8 @@ class Effect:
         searched, which takes several simulations for one.
     odds : float
         How probable it is beforehand, against one that most rigs show.
+    told_by : callable, optional
+        Whether logs by themselves speak for it: then it is tried at once, rare as it may be.
     source : Path or str
         The file that it comes from, for messages.
     first : int
@@ -135,6 +139,7 @@ class Effect:
     act: Callable[..., Any] | None = None
     sees_angle: bool = True
     odds: float = 1.0
+    told_by: Callable[[Sequence[Trial]], bool] | None = None
     source: Path | str = "library"
     first: int = -1
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
 from spa_fo.plant.effects.shared import MOMENTS, Floats, switched
+from spa_fo.rig.stuck import angle_stands
 
 
 def freeze(angle_deg: Floats, time_s: Floats, held: float, since: float) -> Floats:
@@ -58,4 +59,5 @@ EFFECT = Effect(
     },
     act=freeze,
     odds=RARER,
+    told_by=angle_stands,
 )
