@@ -23,6 +23,7 @@ from spa_fo.gap.noise.coloured import (
     scatter,
     whitener,
 )
+from spa_fo.gap.settings import SETTINGS
 
 Floats = NDArray[np.float64]
 
@@ -183,6 +184,29 @@ def test_no_fixture_is_exact_though_a_coarse_converter_reads_the_same_both_ways(
     exact = dwell_error([calibrated(0.0, 0.0, 1)])  # type: ignore[list-item]
     assert exact is not None
     assert 0.0 < exact < 0.01
+
+
+def test_two_calibrations_of_one_way_tell_the_error_too() -> None:
+    def once(seed: int) -> SimpleNamespace:
+        found = calibrated(0.5, 3.0, seed)
+        found.dwells = [d for d in found.dwells if d.direction == "up"]
+        return found
+
+    found = [dwell_error([once(seed), once(seed + 100)]) for seed in range(12)]  # type: ignore[list-item]
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(0.5, rel=0.2)  # type: ignore[arg-type]
+
+
+def test_few_angles_move_the_error_from_what_is_usual_by_as_much_as_they_say() -> None:
+    def few(error_deg: float, seed: int) -> SimpleNamespace:
+        found = calibrated(error_deg, 0.0, seed)
+        found.dwells = [d for d in found.dwells if d.angle_deg in (0.0, 45.0, 90.0)]
+        return found
+
+    usual = SETTINGS.dwell_error_deg
+    exact, rough = (dwell_error([few(error, 1)]) for error in (0.0, 5.0))  # type: ignore[list-item]
+    assert exact == pytest.approx(np.sqrt(0.75) * usual)
+    assert rough is not None
+    assert rough > 3.0 * usual
 
 
 def test_angles_that_were_held_once_say_nothing_of_their_error() -> None:

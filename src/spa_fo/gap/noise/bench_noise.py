@@ -41,7 +41,8 @@ _FIXED_DEG = 0.03  # error of averaging a curve over a step
 _RATE_STEP = 2e-3
 _FEWEST_ROWS = 12  # averaged samples that trials must share
 _NO_FIXTURE_DEG = 0.005  # is as exact: readings that agree to the count say no more
-_FEWEST_ANGLES = 4  # that two ways through a calibration must share
+_FEWEST_ANGLES = 3  # that two ways through a calibration must share
+_SURE = 4.0  # second differences; what is missing of so many is an ordinary fixture's
 
 
 @dataclass(frozen=True)
@@ -189,12 +190,16 @@ def dwell_error(calibrations: Sequence[Calibration]) -> float | None:
         bent = differences[1:-1] - (1.0 - share) * differences[:-2] - share * differences[2:]
         squares += float(np.sum(bent**2 / (2.0 * (1.0 + (1.0 - share) ** 2 + share**2))))
         freedom += bent.size
-    return max(float(np.sqrt(squares / freedom)), _NO_FIXTURE_DEG) if freedom else None
+    if not freedom:
+        return None
+    usual = max(_SURE - freedom, 0.0)
+    variance = (squares + usual * SETTINGS.dwell_error_deg**2) / (freedom + usual)
+    return max(float(np.sqrt(variance)), _NO_FIXTURE_DEG)
 
 
 def _ways(calibrations: Sequence[Calibration]) -> list[dict[float, float]]:
     """List every way up or down: what the first curve misreads at each known angle, deg."""
-    return [
+    ways = [
         {
             d.angle_deg: float(calibrations[0].angle_deg(d.mean)) - d.angle_deg
             for d in calibration.dwells
@@ -203,3 +208,4 @@ def _ways(calibrations: Sequence[Calibration]) -> list[dict[float, float]]:
         for calibration in calibrations
         for direction in ("up", "down")
     ]
+    return [way for way in ways if way]
