@@ -221,8 +221,16 @@ def test_tables_and_exports_replace_their_like_alone(
 # --- Ctrl-C --------------------------------------------------------------------------------------
 
 
-def interrupted(arguments: Sequence[str], heard: str, after_s: float = 0.0) -> tuple[int, str]:
-    """Press Ctrl-C, for the command and its workers alike, once it said something."""
+def has_workers(process: subprocess.Popen[str]) -> bool:
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+    return bool(children.split())
+
+
+def interrupted(arguments: Sequence[str], heard: str, *, at_work: bool = False) -> tuple[int, str]:
+    """Press Ctrl-C, for the command and its workers alike, once it said something.
+
+    With `at_work`, only while worker processes of it run.
+    """
     process = subprocess.Popen(
         [sys.executable, "-m", "spa_fo.cli", *arguments],
         stdout=subprocess.PIPE,
@@ -237,19 +245,21 @@ def interrupted(arguments: Sequence[str], heard: str, after_s: float = 0.0) -> t
         line = process.stderr.readline()
         assert line, said
         said += line
-    time.sleep(after_s)
+    while at_work and not has_workers(process):
+        assert process.poll() is None, "ended, and no worker process was seen"
+        time.sleep(0.001)
     os.killpg(process.pid, signal.SIGINT)
     _, rest = process.communicate(timeout=60)
     return process.returncode, rest
 
 
-@pytest.mark.parametrize("after_s", [0.0, 0.7])
-def test_ctrl_c_ends_a_diagnosis_in_one_line(steps: Path, tmp_path: Path, after_s: float) -> None:
+@pytest.mark.parametrize("at_work", [False, True])
+def test_ctrl_c_ends_a_diagnosis_in_one_line(steps: Path, tmp_path: Path, at_work: bool) -> None:
     """Also in the midst of worker processes; none of them is left."""
     truth = model(tmp_path / "m.json")
     out = tmp_path / "out"
     code, said = interrupted(
-        ["diagnose", str(steps), "--model", str(truth), "--out", str(out)], WORK, after_s
+        ["diagnose", str(steps), "--model", str(truth), "--out", str(out)], WORK, at_work=at_work
     )
     assert code == 130
     assert said.splitlines()[-1] == "spa-fo: stopped; nothing half-written is left"

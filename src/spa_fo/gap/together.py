@@ -14,8 +14,9 @@ import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
@@ -70,11 +71,14 @@ def _in_processes(
     function: Callable[[Item], Result], items: Sequence[Item], workers: int
 ) -> list[Result]:
     """Hand out the items one at a time, as they take unequally long."""
-    staff = [_hire(function, items) for _ in range(workers)]
+    staff: list[tuple[BaseProcess, Connection]] = []
+    busy: list[Connection] = []
     results: dict[int, Result] = {}
     todo = iter(range(len(items)))
-    busy = [link for _, link in staff]
     try:
+        with _interrupts_later():
+            staff += [_hire(function, items) for _ in range(workers)]
+            busy += [link for _, link in staff]
         for link in busy:
             _send(link, next(todo))
         while busy:
@@ -95,6 +99,23 @@ def _in_processes(
             process.join()
             link.close()
     return [results[index] for index in range(len(items))]
+
+
+@contextmanager
+def _interrupts_later() -> Iterator[None]:
+    """Answer Ctrl-C after the block: what hooks of a fork raise, Python says and forgets."""
+    heard: list[int] = []
+    answer = signal.getsignal(signal.SIGINT)
+    if not callable(answer):  # it is ignored, or not Python's to answer
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, answer)
+    if heard:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _send(link: Connection, index: int | None) -> None:
