@@ -9,7 +9,7 @@ from spa_fo.gap.data.hold_out import fraction_closed, hold_out
 from spa_fo.gap.decide import weigh
 from spa_fo.gap.decide.verdict import Scored, judge, stage_shares
 from spa_fo.gap.fit.bench import SHARES
-from spa_fo.gap.search.prior import log_prior
+from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 
 GAP_DEG, FLOOR_DEG = 4.0, 0.5

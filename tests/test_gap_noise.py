@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -128,9 +129,7 @@ def test_a_periodic_interference_is_no_noise() -> None:
     for d in quiet:
         phase = rng.uniform(0.0, 2.0 * np.pi, (d.values.shape[0], 1))
         wave = 1.0 * np.sinc(1.3 * d.width_s) * np.cos(2.0 * np.pi * 1.3 * d.time_s + phase)
-        humming.append(
-            Differences(d.values + wave, d.nuisances, d.fixed, d.time_s, d.width_s, d.count)
-        )
+        humming.append(replace(d, values=d.values + wave))
     assert estimate(humming, 0.05).deviation_deg < 1.6 * estimate(quiet, 0.05).deviation_deg
 
 

@@ -18,7 +18,6 @@ import naive_plant
 from spa_fo import step_response
 from spa_fo.gap.answer.intervals import _interval, _of_shift, _of_zeros
 from spa_fo.gap.answer.locate import shares
-from spa_fo.gap.claim import claimed as claim
 from spa_fo.gap.data.evidence import Evidence, collect, curve_columns
 from spa_fo.gap.data.floor import noise_floor
 from spa_fo.gap.data.searched import at_rate, to_x, to_z
@@ -71,18 +70,6 @@ def test_without_drift_deviations_from_the_mean_are_the_floor() -> None:
 def test_without_repeats_the_noise_of_samples_is_the_floor() -> None:
     assert noise_floor(repeated(np.ones((2, 9)), 0.3, [0, 1])) == 0.3
     assert noise_floor(repeated(np.ones((2, 9)), 0.3, [0, 1]), otherwise=0.7) == 0.7
-
-
-# --- claims ---------------------------------------------------------------------------------------
-
-
-def test_an_interference_is_no_part_of_the_scatter(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(claim, "noise_floor", lambda *_: 1.0)
-    waves = {None: 0.8, (1.0, 0.8): np.sqrt(0.8**2 - 0.32), (1.0, 5.0): 0.08}
-    for line, left in waves.items():
-        chosen: Any = SimpleNamespace(line=line, ids=())
-        scatter = claim._scatter(None, None, chosen, None, 0.8)  # type: ignore[arg-type]
-        assert scatter == pytest.approx(left)
 
 
 # --- where ----------------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ import pytest
 
 import naive_plant as naive
 from plant_cases import X, parameters, step_release, trials, triangle, vector
+from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.explanations import beforehand
-from spa_fo.gap.search.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import chain
 from spa_fo.plant.effects.drive_overshoot import peak

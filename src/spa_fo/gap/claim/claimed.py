@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.gap.claim.own_scatter import own_scatter
 from spa_fo.gap.data.evidence import Evidence, angle_chain
-from spa_fo.gap.data.floor import noise_floor, repeats
+from spa_fo.gap.data.floor import repeats
 from spa_fo.gap.data.hold_out import HeldOut, judged, rmse, shrink
 from spa_fo.gap.decide.explanation import Explanation, angle_part, explanation_of, simulate
 from spa_fo.gap.decide.verdict import Scored, Verdict
@@ -25,7 +26,6 @@ Ids = tuple[str, ...]
 
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
-_LEAST_SCATTER = 0.1  # of what trials differ by, beside an interference
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,10 @@ def claim(
     made = None
     if first:
         chosen = next(e for s, e in zip(leading, fits, strict=True) if s.named == first)
-        scatter = _scatter(everything, held, chosen, curves["explained"], floor_deg)
+        left_deg = verdict.of(first).left_deg
+        scatter = own_scatter(found.bench, chosen, everything, where, curves, left_deg)
+        if not found.bench.noise.spectrum.repeats:
+            scatter = max(scatter, floor_deg)  # nothing tells what is left from noise
         made = shrink(everything, held, curves, scatter, rng)
     return Claim(held, curves, errors, closed, made)
 
@@ -154,27 +157,6 @@ def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
             rows = everything.rows[trial]
             out[rows] = np.interp(grid.time_s[rows], time, mean)
     return out
-
-
-def _scatter(
-    everything: Evidence,
-    held: HeldOut,
-    chosen: Explanation,
-    explained_deg: Floats,
-    floor_deg: float,
-) -> float:
-    """Tell what trials differ by without what an explanation makes them differ by, deg.
-
-    Slip, drift and softening let repeated trials differ, and so does an interference, whose phase
-    nobody can foretell: they are part of the gap. The zeros of trials that were not fitted are not
-    known either, and what is missed of them would pass for scatter.
-    """
-    which = ~held.trials if at_port("zeros", chosen.ids) else None
-    scatter = min(floor_deg, noise_floor(everything, explained_deg, which, floor_deg))
-    if chosen.line is None:
-        return scatter
-    wave = chosen.line[1] ** 2 / 2.0
-    return float(np.sqrt(max(scatter**2 - wave, (_LEAST_SCATTER * scatter) ** 2)))
 
 
 def closes(claimed: Claim, named: Ids, least: float) -> bool:

@@ -79,11 +79,14 @@ class Repeats:
         Samples averaged in each.
     values : (trials, n) array
         Of all of them at its times; NaN where a trial has no sample near.
+    trials : (trials,) array
+        Which they are, as an index into the grid's.
     """
 
     rows: NDArray[np.int64]
     weight: Floats
     values: Floats
+    trials: NDArray[np.int64]
 
 
 def repeats(evidence: Evidence, values: Floats, which: NDArray[np.bool_]) -> list[Repeats]:
@@ -115,5 +118,5 @@ def repeats(evidence: Evidence, values: Floats, which: NDArray[np.bool_]) -> lis
             before = np.maximum(after - 1, 0)
             near = np.minimum(np.abs(own[after] - time), np.abs(own[before] - time)) < _NEAR_S
             aligned[k, near] = np.interp(time, own, values[evidence.rows[trial]])[near]
-        found.append(Repeats(rows, grid.counts[rows], aligned))
+        found.append(Repeats(rows, grid.counts[rows], aligned, np.array(trials)))
     return found

@@ -116,7 +116,7 @@ def examine(
         drive = examine_drive(evidence, excluded, given, expected)
     own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
     bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa, beyond)
-    floor = noise_floor(everything)
+    floor = noise_floor(everything, bench.noise.moved_deg(everything.grid.sample_trial))
     if not bench.noise.spectrum.repeats:
         floor = bench.noise.floor_deg(everything.grid.angle_deg)
     if beyond is not None:

@@ -24,10 +24,10 @@ from spa_fo.gap.data.evidence import Evidence, modelled_pressure
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.noise.interference import Line
+from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.drive import Drive, DriveFit
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import Fitted, price
-from spa_fo.gap.search.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 

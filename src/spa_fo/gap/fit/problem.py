@@ -86,7 +86,7 @@ class AngleProblem(Explained):
             bench.shifted if shifted else bench.spread,
             LOWEST,
             HIGHEST,
-            _scales(bench, at_port("zeros", ids) is not None),
+            nuisance_scales(bench, at_port("zeros", ids) is not None),
         )
         self.film_slots = LIBRARY.slots(lambda e: e.in_fixture)
         self.angle_slots = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
@@ -282,7 +282,7 @@ class AngleProblem(Explained):
         return np.concatenate([self.bench.whitening.white(factor, values[:n]), rest])
 
 
-def _scales(bench: Bench, slips: bool) -> Floats:
+def nuisance_scales(bench: Bench, slips: bool) -> Floats:
     """Typical standard deviations of the nuisances.
 
     Beside a slip, which lets repeats differ at rest, the bench's rest scatter is a usual one.

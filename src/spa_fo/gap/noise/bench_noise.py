@@ -6,7 +6,7 @@ Said beside a diagnosis; what explains the gap is weighed without it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -24,12 +24,15 @@ from spa_fo.gap.noise.coloured import (
     estimate,
     scatter,
 )
+from spa_fo.gap.noise.jumps import Jumps, Zeros, jumps
+from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import absent
+from spa_fo.plant.effects.library import absent, at_port
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.rig import Calibration
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 TYPICAL = Scatter(
     gain=SETTINGS.gain_scatter,
@@ -59,18 +62,28 @@ class BenchNoise:
         Error of a calibration dwell's known angle; None where no angle was held twice.
     compared : bool
         Whether a reference says what is to be expected beside it.
+    moving_nats : float
+        Log evidence, of repeats alone, that the zeros of trials move and do not scatter.
+    zeros_deg : (trials,) array
+        How they are expected to move: no scatter. Empty where nothing says it.
     """
 
     spectrum: Spectrum
     scatter: Scatter
     fixture_deg: float | None
     compared: bool = False
+    moving_nats: float = 0.0
+    zeros_deg: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def correlation_s(self) -> float:
         """Typical correlation time of the coloured part, s."""
         shares = self.spectrum.coloured / self.spectrum.coloured.sum()
         return float(np.exp(shares @ np.log(CORRELATION_S)))
+
+    def moved_deg(self, trial: Integers) -> Floats:
+        """Give how the zeros of these trials are expected to move, deg."""
+        return self.zeros_deg[trial] if self.zeros_deg.size else np.zeros(trial.size)
 
     def floor_deg(self, angle_deg: Floats) -> float:
         """Give what trials of these angles would differ by from their mean, RMS, deg."""
@@ -143,7 +156,12 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
         if (found := _differences(evidence, repeated, quicker)) is not None
     ]
     spectrum = estimate(differences, evidence.noise_deg)
-    scattered = scatter(differences, spectrum, TYPICAL)
+    nats, zeros_deg = 0.0, np.zeros(0)
+    name = at_port("zeros")
+    if beyond is None and differences and name is not None:
+        moving = _moving(differences, spectrum)
+        nats, zeros_deg = moving.nats, moving.expected_deg(log_prior((name,)) - log_prior(()))
+    scattered = scatter(differences, spectrum, TYPICAL, zeros_deg=zeros_deg)
     if beyond is not None:
         spectrum, scattered = spectrum.beside(beyond.angle), scattered.beside(beyond.scatter)
     return BenchNoise(
@@ -151,6 +169,20 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
         scatter=scattered,
         fixture_deg=dwell_error(evidence.data.calibrations),
         compared=beyond is not None,
+        moving_nats=nats,
+        zeros_deg=zeros_deg,
+    )
+
+
+def _moving(differences: Sequence[Differences], spectrum: Spectrum) -> Jumps:
+    """Weigh whether zeros move with the trials' order."""
+    own = [d.own(spectrum) for d in differences]
+    return jumps(
+        Zeros(
+            values=np.concatenate([values[:, 0] for values, _ in own]),
+            variance=np.concatenate([np.full(len(values), var[0]) for values, var in own]),
+            between=np.vstack([d.between for d in differences]),
+        )
     )
 
 
@@ -167,6 +199,7 @@ def _differences(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Diff
         repeated.weight[seen],
         np.full(rows.size, _FIXED_DEG**2),
         quicker[rows],
+        np.eye(len(grid.trials))[repeated.trials],
     )
 
 

@@ -14,7 +14,7 @@ zero, gain, delay and time scale taken out, under a prior as wide as benches are
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +121,8 @@ class Differences:
         Variance that is known, deg².
     time_s, width_s, count : (n,) arrays
         Of the averages.
+    between : (contrasts, trials) array
+        What they are contrasts of.
     """
 
     values: Floats
@@ -129,6 +131,23 @@ class Differences:
     time_s: Floats
     width_s: Floats
     count: Floats
+    between: Floats
+
+    def own(self, spectrum: Spectrum) -> tuple[Floats, Floats]:
+        """Fit the nuisances to each contrast.
+
+        Returns
+        -------
+        values : (contrasts, q) array
+            Zero (deg), gain, delay (s) and time scale.
+        variance : (q,) array
+            Of their errors.
+        """
+        covariance = spectrum.covariance(self.time_s, self.width_s, self.count)
+        white = whitener(covariance + np.diag(self.fixed))
+        x = white @ self.nuisances
+        inverse = np.linalg.pinv(x.T @ x)
+        return self.values @ white.T @ x @ inverse, np.diag(inverse)
 
 
 def contrasts(
@@ -138,10 +157,12 @@ def contrasts(
     count: Floats,
     fixed: Floats,
     quicker: Floats,
+    which: Floats | None = None,
 ) -> Differences:
     """Take repeated trials, (trials, n), apart into their mean and orthonormal contrasts.
 
-    `quicker`, (n,), is what a time scale of its own does to a trial, deg.
+    `quicker`, (n,), is what a time scale of its own does to a trial, deg; `which` are these among
+    all trials, (trials, all), where there are others.
     """
     # A restricted likelihood costs the third power of the rows; merged ones lose little.
     merge = -(-time_s.size // _MOST_ROWS)
@@ -157,7 +178,8 @@ def contrasts(
     helmert = np.linalg.qr(np.column_stack([np.ones(trials), np.eye(trials)[:, 1:]]))[0][:, 1:].T
     slope = np.gradient(mean, time_s)
     nuisances = np.column_stack([np.ones(mean.size), mean, slope, quicker])
-    return Differences(helmert @ angles_deg, nuisances, fixed, time_s, width_s, count)
+    between = helmert if which is None else helmert @ which
+    return Differences(helmert @ angles_deg, nuisances, fixed, time_s, width_s, count, between)
 
 
 def misfit(time_s: Floats, left: Floats, shape: Floats) -> Differences:
@@ -182,6 +204,7 @@ def misfit(time_s: Floats, left: Floats, shape: Floats) -> Differences:
         time_s=time,
         width_s=width,
         count=count,
+        between=np.ones((1, 1)),
     )
 
 
@@ -280,7 +303,7 @@ def _wave(hz: float, d: Differences) -> Floats:
 
 def _without(d: Differences, hz: float) -> Differences:
     nuisances = np.hstack([d.nuisances, _wave(hz, d)])
-    return Differences(d.values, nuisances, d.fixed, d.time_s, d.width_s, d.count)
+    return replace(d, nuisances=nuisances)
 
 
 def whitener(covariance: Floats) -> Floats:
@@ -307,19 +330,25 @@ class Scatter:
 
 
 def scatter(
-    differences: Sequence[Differences], spectrum: Spectrum, typical: Scatter, weight: float = 2.0
+    differences: Sequence[Differences],
+    spectrum: Spectrum,
+    typical: Scatter,
+    weight: float = 2.0,
+    zeros_deg: Floats | None = None,
 ) -> Scatter:
-    """Estimate what trials scatter by; `typical` counts as `weight` degrees of freedom."""
+    """Estimate what trials scatter by; `typical` counts as `weight` degrees of freedom.
+
+    `zeros_deg`, (trials,), is what is known to move their zeros.
+    """
     squares, freedom = np.zeros(3), weight
     start: Floats = weight * np.square([typical.rest_deg, typical.gain, typical.time_scale])
     for d in differences:
-        white = whitener(spectrum.covariance(d.time_s, d.width_s, d.count) + np.diag(d.fixed))
-        x = white @ d.nuisances
-        covariance = np.linalg.pinv(x.T @ x)
-        fitted = d.values @ white.T @ x @ covariance
+        fitted, variance = d.own(spectrum)
+        if zeros_deg is not None and zeros_deg.size:
+            fitted[:, 0] -= d.between @ zeros_deg
         which = [0, 1, 3]  # zero, gain, time scale
         number = d.values.shape[0]
-        squares += np.sum(fitted[:, which] ** 2, axis=0) - number * np.diag(covariance)[which]
+        squares += np.sum(fitted[:, which] ** 2, axis=0) - number * variance[which]
         freedom += number
     rest, gain, scale = np.sqrt((start + np.maximum(squares, 0.0)) / freedom)
     return Scatter(float(gain), float(rest), float(scale))

@@ -14,10 +14,10 @@ import numpy as np
 from spa_fo.gap.data.evidence import angle_chain
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import Bench
+from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.drive import Drive, DriveFit, true_pressure
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import HOPE, Fitted, begun, price, settled, weighed
-from spa_fo.gap.search.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 

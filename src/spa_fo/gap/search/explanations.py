@@ -18,6 +18,7 @@ from scipy.linalg import solve_triangular
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
 from spa_fo.gap.fit.problem import AngleProblem, starts
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
+from spa_fo.gap.prior import further_price
 from spa_fo.gap.search.fitted import (
     HOPE,
     LINE_SEARCH,
@@ -266,12 +267,6 @@ def _three(
         again = each(lambda ids: fit(bench, ids, [without_others(best, ids)], plain), missing)
         found |= {f.ids: f for f in again}
     return found
-
-
-def further_price() -> float:
-    """Say what one effect more costs a set beforehand, nats."""
-    odds = sum(effect.odds for effect in LIBRARY.values())
-    return float(np.log(SETTINGS.single * odds / SETTINGS.pair))
 
 
 def _gap_known(bench: Bench) -> Bench:

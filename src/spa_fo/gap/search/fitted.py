@@ -190,7 +190,7 @@ def _fitted(
         moved_deg={},
         logs=np.full(len(SHARES), -np.inf),
         level=1.0,
-        quick=quick,
+        quick=quick + _moving(bench, ids),
         decrement=found.decrement,
         tried=found.tried,
         rejected=found.rejected,
@@ -246,7 +246,18 @@ def weighed(bench: Bench, fitted: Fitted) -> Fitted:
         levels.append(LEVELS[at])
     best = int(np.argmax(logs))
     nats, size = _trend(bench, fitted, bench.whitening.factor(levels[best], SHARES[best]))
+    logs += _moving(bench, fitted.ids)
     return replace(fitted, logs=logs, level=levels[best], trend_nats=nats, trend_deg=size)
+
+
+def _moving(bench: Bench, ids: Ids) -> float:
+    """Give the rest of what repeats say of moving zeros, nats before tempering.
+
+    They are independent of trial to trial and need no tempering, which the fit's evidence has.
+    """
+    if at_port("zeros", ids) is None:
+        return 0.0
+    return bench.noise.moving_nats * (1.0 / SETTINGS.temper - 1.0)
 
 
 def _trend(bench: Bench, fitted: Fitted, factor: Factor) -> tuple[float, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from spa_fo.gap.search.explanations import further_price
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, at_port, log_odds
 
@@ -23,3 +22,9 @@ def log_prior(ids: Ids) -> float:
     further = -(len(ids) - 2) * further_price()
     beside = np.log(s.shift_beside) if at_port("coefficients", ids) else 0.0
     return float(np.log(s.pair / pairs) + further + beside) + log_odds(ids)
+
+
+def further_price() -> float:
+    """Say what one effect more costs a set beforehand, nats."""
+    odds = sum(effect.odds for effect in LIBRARY.values())
+    return float(np.log(SETTINGS.single * odds / SETTINGS.pair))

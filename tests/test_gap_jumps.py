@@ -1,0 +1,121 @@
+"""Zeros that jump or wander with the order of the trials, against scatter and trends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from spa_fo.gap.noise import jumps as room
+from spa_fo.gap.noise.jumps import Zeros, jumps
+
+Floats = NDArray[np.float64]
+
+
+def between(experiments: list[list[int]], trials: int) -> Floats:
+    """Orthonormal contrasts of the trials of each experiment."""
+    rows = []
+    for own in experiments:
+        centre = np.eye(len(own)) - 1.0 / len(own)
+        u, s, _ = np.linalg.svd(centre)
+        rows.append(u[:, s > 0.5].T @ np.eye(trials)[own])
+    return np.vstack(rows)
+
+
+def seen(zeros: Floats, repeats: int, error_deg: float = 0.01) -> Zeros:
+    """Take the zeros of experiments that were run in turn, `repeats` times."""
+    trials = zeros.size
+    kinds = trials // repeats
+    every = between([list(range(k, trials, kinds)) for k in range(kinds)], trials)
+    return Zeros(every @ zeros, np.full(len(every), error_deg**2), every)
+
+
+def plain_twin(zeros: Zeros, shifts: Floats, walks: Floats, scatters: Floats) -> float:
+    """Weigh every hypothesis by the density of the contrasts under it."""
+    trials = zeros.between.shape[1]
+    place = (np.arange(trials) + 0.5) / trials
+    trend = np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
+    after = [(np.arange(trials) >= j).astype(float) for j in range(1, trials)]
+
+    def log(covariance: Floats) -> float:
+        own = zeros.between @ covariance @ zeros.between.T + np.diag(zeros.variance)
+        mean = np.zeros(len(own))
+        return float(multivariate_normal(mean, own).logpdf(zeros.values))
+
+    still, moving = [], []
+    for scatter in scatters:
+        base = scatter**2 * (np.eye(trials) + 9.0 * trend @ trend.T)
+        still.append(log(base))
+        once = [base + s**2 * np.outer(h, h) for s in shifts for h in after]
+        twice = [
+            base + s**2 * (np.outer(h, h) + np.outer(g, g))
+            for s in shifts
+            for k, h in enumerate(after)
+            for g in after[k + 1 :]
+        ]
+        walk = [base + w**2 * sum(np.outer(h, h) for h in after) for w in walks]
+        for hypotheses in (once, twice, walk):
+            logs = [log(np.asarray(covariance)) for covariance in hypotheses]
+            moving.append(float(logsumexp(logs)) - np.log(len(logs)))
+    return float(logsumexp(moving) - np.log(len(moving)) - logsumexp(still) + np.log(len(still)))
+
+
+@pytest.mark.parametrize("jump_deg", [0.0, 1.5])
+def test_the_evidence_is_that_of_every_hypothesis_written_out(
+    jump_deg: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(3)
+    few = np.array([0.2, 2.0]), np.array([0.1, 1.0]), np.array([0.1, 0.5])
+    for name, values in zip(("_SHIFT_DEG", "_WALK_DEG", "_SCATTER_DEG"), few, strict=True):
+        monkeypatch.setattr(room, name, values)
+    zeros = seen(0.2 * rng.normal(size=8) + jump_deg * (np.arange(8) >= 5), 4)
+    assert jumps(zeros).nats == pytest.approx(plain_twin(zeros, *few), abs=1e-8)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.floats(0.05, 1.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_scatter_and_trends_are_no_jumps(
+    seed: int, scatter: float, linear: float, early: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    place = np.arange(15) / 15
+    zeros = scatter * (rng.normal(size=15) + linear * place + early * np.exp(-6.0 * place))
+    assert jumps(seen(zeros, 5)).nats < 7.0
+
+
+@pytest.mark.parametrize("at", [4, 7, 11])
+def test_a_jump_is_found_and_taken_off(at: int) -> None:
+    truth = 2.0 * (np.arange(15) >= at)
+    nats, left = [], []
+    for seed in range(40):
+        found = jumps(seen(truth + 0.2 * np.random.default_rng(seed).normal(size=15), 5))
+        nats.append(found.nats)
+        left.append(np.std(found.expected_deg(0.0) - truth) / np.std(truth))
+    assert np.quantile(nats, 0.05) > 3.0
+    assert np.quantile(left, 0.95) < 0.3
+
+
+def test_a_walk_is_found() -> None:
+    rng = np.random.default_rng(5)
+    nats = [
+        jumps(seen(np.cumsum(rng.normal(size=20)) + 0.1 * rng.normal(size=20), 5)).nats
+        for _ in range(20)
+    ]
+    assert np.median(nats) > 3.0
+
+
+def test_a_few_repeats_say_nothing() -> None:
+    few = seen(np.array([0.0, 0.0, 9.0, 9.0]), 2)
+    found = jumps(few)
+    assert found.nats == 0.0
+    assert not found.zeros_deg.any()
+
+
+def test_what_is_improbable_beforehand_is_hardly_taken_off() -> None:
+    found = jumps(seen(3.0 * (np.arange(15) >= 7) + 0.0, 5))
+    assert np.ptp(found.expected_deg(0.0)) == pytest.approx(3.0, rel=0.05)
+    assert np.ptp(found.expected_deg(-found.nats - 10.0)) < 0.01
