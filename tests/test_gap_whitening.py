@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
-from spa_fo.gap.noise.whitening import MISSED_OVER_S, Rows, Whitening, lay_rows
+from spa_fo.gap.noise.whitening import MISSED_OVER_S, Factor, Rows, Whitening, lay_rows
+
+Floats = NDArray[np.float64]
 
 WIDTH = 0.08
 SPECTRUM = Spectrum(0.02, np.linspace(0.01, 0.03, CORRELATION_S.size))
@@ -67,6 +70,10 @@ def test_rows_are_means_whatever_the_campaign(sizes: list[list[int]], most: int,
         np.testing.assert_allclose(group.fixed, [fixed[h].sum() / h.size**2 for h in mine])
 
 
+def lowers(factor: Factor) -> list[Floats]:
+    return [np.asarray(np.linalg.inv(own), dtype=np.float64) for own in factor.whiteners]
+
+
 def test_the_factor_is_of_the_covariance_entry_by_entry() -> None:
     rows = laid()
     gap = np.linspace(0.5, 2.0, rows.size)
@@ -74,7 +81,7 @@ def test_the_factor_is_of_the_covariance_entry_by_entry() -> None:
     level, share = 1.5, 0.2
     factor = whitening.factor(level, share)
     half_log = 0.0
-    for group, lower in zip(rows.groups, factor.lower, strict=True):
+    for group, lower in zip(rows.groups, lowers(factor), strict=True):
         n = group.time_s.size
         slow = np.zeros((n, n))
         coloured = SPECTRUM.covariance(group.time_s, group.width_s, np.full(n, np.inf))
@@ -96,7 +103,7 @@ def test_white_values_have_the_identity_for_covariance() -> None:
     whitening = Whitening(rows, SPECTRUM, np.ones(rows.size))
     factor = whitening.factor(1.0, 0.1)
     roots = np.zeros((rows.size, rows.size))
-    for group, lower in zip(rows.groups, factor.lower, strict=True):
+    for group, lower in zip(rows.groups, lowers(factor), strict=True):
         roots[group.rows, group.rows] = lower
     np.testing.assert_allclose(whitening.white(factor, roots), np.eye(rows.size), atol=1e-9)
 
@@ -104,7 +111,7 @@ def test_white_values_have_the_identity_for_covariance() -> None:
 def test_what_is_missed_is_shared_by_trials_that_were_run_alike_alone() -> None:
     rows = laid()
     whitening = Whitening(rows, SPECTRUM, np.ones(rows.size))
-    with_it, without = (whitening.factor(1.0, share).lower[0] for share in (0.5, 0.0))
+    with_it, without = (lowers(whitening.factor(1.0, share))[0] for share in (0.5, 0.0))
     first, third = rows.groups[0].trial == 0, rows.groups[0].trial == 2
     assert np.all((with_it @ with_it.T)[np.ix_(first, third)] > 0.0)
     np.testing.assert_allclose((without @ without.T)[np.ix_(first, third)], 0.0, atol=1e-12)

@@ -134,7 +134,7 @@ def slow_line(
     tried = np.linspace(lowest, SLOWEST_FAST_HZ, count)
     residual = left - taken.T @ (taken @ left)
     pairs = []  # by frequency and trial: what a wave explains, and how much of it could be seen
-    for g, lower in zip(rows.groups, factor.lower, strict=True):
+    for g, whitener in zip(rows.groups, factor.whiteners, strict=True):
         waves = np.zeros((g.time_s.size, 0))
         trials = np.unique(g.trial)
         phase = 2.0 * np.pi * np.outer(g.time_s, tried)
@@ -143,7 +143,7 @@ def slow_line(
         for t in trials:
             mine = (g.trial == t)[:, None]
             waves = both.reshape(g.time_s.size, -1) * mine
-            white = _solve(lower, waves)
+            white = whitener @ waves
             shadow = taken[:, g.rows] @ white
             score = (white.T @ residual[g.rows]).reshape(-1, 2)
             seen = np.einsum("ij,ij->j", white, white) - np.einsum("ij,ij->j", shadow, shadow)
@@ -160,9 +160,3 @@ def slow_line(
         if gain > best.gain:
             best = Line(float(tried[at]), float(amplitude), gain)
     return best if best.frequency_hz >= slowest else NONE
-
-
-def _solve(lower: Floats, values: Floats) -> Floats:
-    from scipy.linalg import solve_triangular
-
-    return np.asarray(solve_triangular(lower, values, lower=True, check_finite=False))

@@ -132,9 +132,12 @@ def lay_rows(
 
 @dataclass(frozen=True)
 class Factor:
-    """A covariance taken apart: lower-triangular factors by group, and ½ log|V|."""
+    """A covariance taken apart: inverses of its lower-triangular factors by group, and ½ log|V|.
 
-    lower: tuple[Floats, ...]
+    Some ten thousand short vectors are whitened by one factor: a product each, and no solution.
+    """
+
+    whiteners: tuple[Floats, ...]
     half_log: float
 
 
@@ -181,24 +184,23 @@ class Whitening:
         """Factor the covariance for a level of the coloured noise and a share that is missed."""
         key = (level, share)
         if key not in self._factors:
-            lower: list[Floats] = []
+            whiteners: list[Floats] = []
             half_log = 0.0
             for coloured, white, missed in self._components():
                 covariance = level**2 * coloured
                 if share > 0.0:
                     covariance = covariance + share**2 * missed
                 covariance[np.diag_indices_from(covariance)] += white
-                factor = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-                half_log += float(np.sum(np.log(np.diag(factor))))
-                lower.append(factor)
-            self._factors[key] = Factor(tuple(lower), half_log)
+                lower = np.linalg.cholesky(covariance)
+                half_log += float(np.sum(np.log(np.diag(lower))))
+                eye = np.eye(lower.shape[0])
+                whiteners.append(solve_triangular(lower, eye, lower=True, check_finite=False))
+            self._factors[key] = Factor(tuple(whiteners), half_log)
         return self._factors[key]
 
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten values at the rows, (rows,) or (rows, k)."""
         out = np.empty_like(values)
-        for group, lower in zip(self.rows.groups, factor.lower, strict=True):
-            out[group.rows] = solve_triangular(
-                lower, values[group.rows], lower=True, check_finite=False
-            )
+        for group, whitener in zip(self.rows.groups, factor.whiteners, strict=True):
+            out[group.rows] = whitener @ values[group.rows]
         return out
