@@ -41,8 +41,8 @@ RIG = "virtual_rig"
 FACTORS = (0.5, 2.0)
 HIGHEST = 0.95  # of a probability that is doubled
 DECIDED = (
-    *("right_share", "none", "unknown", "trend", "shift_beside", "moves", "moves_of_largest"),
-    *("needed", "needed_of_all", "left", "no_gap", "covered", "least", "closes"),
+    *("right_share", "unknown", "trend", "moves", "moves_of_largest", "needed", "needed_of_all"),
+    *("left", "no_gap", "covered", "least", "closes"),
 )
 """Numbers that are read after all is fitted: in `decide.py`, and for the trials held out."""
 

@@ -78,12 +78,13 @@ def test_small_sets_come_first_and_a_shift_beside_another_last():
 
 def part(named, logs):
     """An explanation whose log evidence is `logs`, by the share that it misses."""
-    right, unknown = weigh._weighed(named, np.array(logs), GAP_DEG, FLOOR_DEG)
-    return weigh._Part(named, right, unknown, None, {}, 0.0)
+    missed = weigh._missed(GAP_DEG, 0.0)
+    right, unknown = weigh._weighed(named, np.array(logs), missed, FLOOR_DEG)
+    return weigh._Part(named, right, unknown, None, {}, 0.0, missed)
 
 
 def answer(*parts):
-    return weigh._normalised(parts, GAP_DEG, FLOOR_DEG)
+    return weigh._normalised(parts, FLOOR_DEG)
 
 
 PLAIN = part((), [-900.0, -800.0, -700.0, -500.0, -200.0, -100.0])
@@ -100,9 +101,21 @@ def test_what_leaves_much_stands_in_for_something_unknown():
     assert unknown > 0.5 > named[("creep",)]
 
 
+def test_a_smooth_error_is_no_small_one_as_a_small_share_fits_it_best():
+    logs = np.array([-900.0, -30.0, 0.0, -5.0, -200.0, -400.0])
+    alike = []
+    for left_deg in (0.0, 0.9 * GAP_DEG):
+        missed = weigh._missed(GAP_DEG, left_deg)
+        right, unknown = weigh._weighed((), logs, missed, FLOOR_DEG)
+        plain = weigh._Part((), right, unknown, None, {}, 0.0, missed)
+        alike.append(answer(plain)[2])
+    assert alike[0] < 0.5 < alike[1]
+
+
 def test_without_repeats_what_is_left_speaks_for_nothing():
     logs = np.array([-400.0, -200.0, -90.0, 0.0, -20.0, -60.0])
-    right, unknown = weigh._weighed(("creep",), logs, GAP_DEG, FLOOR_DEG, repeats=False)
+    missed = weigh._missed(GAP_DEG, 0.0)
+    right, unknown = weigh._weighed(("creep",), logs, missed, FLOOR_DEG, repeats=False)
     assert np.all(np.isneginf(unknown))
     assert right > log_prior(("creep",)) - 2.0
 
@@ -111,9 +124,10 @@ def test_structure_that_is_too_small_is_no_gap():
     """The same evidence, of a gap of a tenth of the floor."""
     logs = np.array([0.0, 1.0, 5.0, 20.0, 25.0, 10.0])
     for gap_deg, alone in ((0.1 * FLOOR_DEG, True), (4.0 * FLOOR_DEG, False)):
-        right, unknown = weigh._weighed((), logs, gap_deg, FLOOR_DEG)
-        plain = weigh._Part((), right, unknown, None, {}, 0.0)
-        named, _, elsewhere = weigh._normalised([plain], gap_deg, FLOOR_DEG)
+        missed = weigh._missed(gap_deg, 0.0)
+        right, unknown = weigh._weighed((), logs, missed, FLOOR_DEG)
+        plain = weigh._Part((), right, unknown, None, {}, 0.0, missed)
+        named, _, elsewhere = weigh._normalised([plain], FLOOR_DEG)
         assert (named[()] > 0.9) is alone
         assert (elsewhere < 0.1) is alone
 
@@ -123,7 +137,13 @@ def fit(ids, curve, moved):
     logs = np.full(len(SHARES), -1.0)
     shared = np.full(10, curve)
     return SimpleNamespace(
-        ids=ids, logs=logs, moved_deg=moved, shared_deg=shared, trend_deg=0.0, trend_nats=0.0
+        ids=ids,
+        logs=logs,
+        moved_deg=moved,
+        shared_deg=shared,
+        trend_deg=0.0,
+        trend_nats=0.0,
+        left_deg=0.0,
     )
 
 

@@ -115,3 +115,17 @@ def test_what_is_missed_is_shared_by_trials_that_were_run_alike_alone() -> None:
     first, third = rows.groups[0].trial == 0, rows.groups[0].trial == 2
     assert np.all((with_it @ with_it.T)[np.ix_(first, third)] > 0.0)
     np.testing.assert_allclose((without @ without.T)[np.ix_(first, third)], 0.0, atol=1e-12)
+
+
+def test_what_is_left_is_judged_without_its_noise() -> None:
+    rows = laid()
+    whitening = Whitening(rows, SPECTRUM, np.ones(rows.size))
+    rng = np.random.default_rng(1)
+    covariances = [low @ low.T for low in lowers(whitening.factor(1.5, 0.0))]
+    noise, left = [], []
+    for _ in range(400):
+        drawn = [rng.multivariate_normal(np.zeros(len(own)), own) for own in covariances]
+        noise.append(whitening.beyond_noise(np.concatenate(drawn), 1.5))
+        left.append(whitening.beyond_noise(np.concatenate(drawn) + 0.8, 1.5))
+    assert np.mean(np.square(noise)) < 0.15
+    assert np.mean(np.square(left)) == pytest.approx(0.64, rel=0.1)

@@ -24,7 +24,6 @@ NONE = ("no_gap", frozenset())
 READ_AFTER_ALL_IS_FITTED = {
     "causes.py",
     "weigh.py",
-    "prior.py",  # which of the drive's explanations stand by the angle asks for it, too
     "verdict.py",
     "held_to.py",
     "diagnose.py",

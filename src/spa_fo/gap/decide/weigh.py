@@ -52,18 +52,28 @@ class _Part:
     fit: Fitted | DriveFit
     moved_deg: Mapping[str, float]
     left_deg: float
+    missed: Floats
+
+
+def _missed(gap_deg: float, left_deg: float) -> Floats:
+    """Say how much is missed at each share, deg.
+
+    Whoever misses anything misses what is left: a smooth error fits a small share as well.
+    """
+    least = np.where(_SHARES > 0.0, min(left_deg, gap_deg), 0.0)
+    return np.asarray(np.maximum(_SHARES * gap_deg, least))
 
 
 def _weighed(
-    ids: Ids, logs: Floats, gap_deg: float, floor_deg: float, repeats: bool = True
+    ids: Ids, logs: Floats, missed: Floats, floor_deg: float, repeats: bool = True
 ) -> tuple[float, Floats]:
     """Weigh an explanation as right, and as standing in for something else, by share.
 
     Without repeats what is left cannot be told from coloured noise, and speaks for nothing.
     """
     s = SETTINGS
-    small = (_SHARES * gap_deg < s.left * floor_deg) | (not repeats)
-    penalty = np.where(small, 0.0, _SHARES / s.right_share)
+    small = (missed < s.left * floor_deg) | (not repeats)
+    penalty = np.where(small, 0.0, missed / max(missed[-1], 1e-9) / s.right_share)
     scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
     right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
     unknown = s.temper * logs + _stands_in() + np.log(s.unknown / _SHARES.size)
@@ -87,7 +97,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
             continue
         if set(ids) & set(found.excluded):
             beyond = s.temper * float(f.logs.max()) + _stands_in()
-            parts.append(_Part(ids, -np.inf, np.array([beyond]), f, {}, 0.0))
+            parts.append(_Part(ids, -np.inf, np.array([beyond]), f, {}, 0.0, _missed(0.0, 0.0)))
             continue
         named = _that_move(f.moved_deg, floor_deg)
         if len(ids) > 1:
@@ -96,15 +106,16 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         if ids and not named:
             continue  # what it is worth is worth as much without it
         logs = f.logs - price(f)
-        right, unknown = _weighed(ids, logs, gap_deg, floor_deg, repeats)
-        left = float(_SHARES[int(np.argmax(logs))]) * gap_deg
+        missed = _missed(gap_deg, f.left_deg)
+        right, unknown = _weighed(ids, logs, missed, floor_deg, repeats)
+        left = float(missed[int(np.argmax(logs))])
         if f.trend_deg > s.no_gap * floor_deg:
             # What goes with the trials' order is structure that is left, too.
             beside = s.temper * (float(logs.max()) + f.trend_nats) + _stands_in()
             unknown = np.append(unknown, beside + np.log(s.unknown * s.trend))
             left = float(np.hypot(left, f.trend_deg))
         moved = {n: f.moved_deg[n] for n in named}
-        parts.append(_Part(named, right, unknown, f, moved, left))
+        parts.append(_Part(named, right, unknown, f, moved, left, missed))
     return parts
 
 
@@ -134,9 +145,11 @@ def _of_drive(drive: Drive | None, evidence: Evidence, floor_deg: float) -> list
             )
         if ids and not named:
             continue
-        right, unknown = _weighed(ids, f.evidence, gap_deg, floor_deg)
-        left = float(_SHARES[int(np.argmax(f.evidence))]) * gap_deg
-        parts.append(_Part(named, right, unknown, f, {n: moved[n] for n in named}, left))
+        missed = _missed(gap_deg, per_kpa_deg * f.left_kpa)
+        right, unknown = _weighed(ids, f.evidence, missed, floor_deg)
+        left = float(missed[int(np.argmax(f.evidence))])
+        moving = {n: moved[n] for n in named}
+        parts.append(_Part(named, right, unknown, f, moving, left, missed))
     return parts
 
 
@@ -147,12 +160,11 @@ def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
 
 
 def _normalised(
-    parts: Sequence[_Part], gap_deg: float, floor_deg: float
+    parts: Sequence[_Part], floor_deg: float
 ) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
     """Probabilities of what is named, the best part of each, and the probability of `unknown`."""
     if not parts:
         return {(): 1.0}, {}, 0.0
-    negligible = _SHARES * gap_deg < SETTINGS.no_gap * floor_deg
     scores: dict[Ids, float] = {}
     best: dict[Ids, _Part] = {}
     unknown = []
@@ -160,6 +172,7 @@ def _normalised(
         right, stands_in = part.right, part.unknown
         if not part.named:
             # What repeats may be too small to be a gap.
+            negligible = part.missed < SETTINGS.no_gap * floor_deg
             small = np.append(negligible, np.zeros(stands_in.size - negligible.size, dtype=bool))
             right = float(logsumexp([right, *stands_in[small]]))
             stands_in = np.where(small, -np.inf, stands_in)
@@ -207,9 +220,7 @@ def decide(
         drive_floor_deg = floor_deg
     else:
         least_deg = _BOTH * drive_floor_deg
-    angle, of_angle, unknown_angle = _normalised(
-        _of_angle(found, floor_deg), found.bench.gap_deg, floor_deg
-    )
+    angle, of_angle, unknown_angle = _normalised(_of_angle(found, floor_deg), floor_deg)
     pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, drive_floor_deg, least_deg)
     lined = _of_line(fast, found, floor_deg)
     certain = (1.0 - unknown_angle) * (1.0 - unknown_drive)
@@ -268,11 +279,11 @@ def _weighed_drive(
     if gap_deg < least_deg:
         parts = [p for p in parts if not p.named]
         parts = [_Part((), p.right, np.full(_SHARES.size, -np.inf), *_rest(p)) for p in parts]
-    return _normalised(parts, gap_deg, floor_deg)
+    return _normalised(parts, floor_deg)
 
 
-def _rest(part: _Part) -> tuple[Fitted | DriveFit, Mapping[str, float], float]:
-    return part.fit, part.moved_deg, part.left_deg
+def _rest(part: _Part) -> tuple[Fitted | DriveFit, Mapping[str, float], float, Floats]:
+    return part.fit, part.moved_deg, part.left_deg, part.missed
 
 
 def _scored(named: Ids, angle: _Part, drive: _Part | None, fast: Line | None) -> Scored:

@@ -222,6 +222,11 @@ class Explained(ABC):
         )
         return total, solution, top
 
+    def remaining(self, linear: Linear, solution: Solution, top: Floats) -> Floats:
+        """Give what parameters and nuisances leave at the top of a linear problem, (rows,)."""
+        b = solution.coefficients[-self.group.size :]
+        return linear.left - linear.slopes @ (top - linear.z) - linear.columns @ b
+
     def errors(self, linear: Linear, factor: Factor, variances: Floats | None = None) -> Floats:
         """Errors of the searched parameters about a point, 1 sigma, nuisances free."""
         return np.sqrt(np.diag(self.posterior(linear, factor, variances)))

@@ -198,6 +198,14 @@ class Whitening:
             self._factors[key] = Factor(tuple(whiteners), half_log)
         return self._factors[key]
 
+    def beyond_noise(self, left: Floats, level: float = 1.0) -> float:
+        """RMS of what is left at the rows, (rows,), less what noise of a level makes of it."""
+        squares, weight = left**2, np.empty(left.size)
+        for group, (coloured, white, _) in zip(self.rows.groups, self._components(), strict=True):
+            squares[group.rows] -= level**2 * np.diag(coloured) + white
+            weight[group.rows] = group.count
+        return float(np.sqrt(max(np.average(squares, weights=weight), 0.0)))
+
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten values at the rows, (rows,) or (rows, k)."""
         out = np.empty_like(values)

@@ -58,6 +58,8 @@ class DriveFit:
         Errors of `z`.
     evidence : (shares,) array
         Log evidence for each of `SHARES`.
+    left_kpa : float
+        RMS of the residual beyond noise.
     decrement : float
         What the search left.
     """
@@ -72,6 +74,7 @@ class DriveFit:
     sensor: Floats
     sigma: Floats
     evidence: Floats
+    left_kpa: float
     decrement: float
 
 
@@ -257,7 +260,8 @@ def _fit(problem: PressureProblem, points: list[Floats]) -> DriveFit:
         problem.weigh(linear, problem.whitening.factor(1.0, share), np.ones(1)) for share in SHARES
     ]
     evidence = np.array([log for log, _, _ in weighed])
-    _, solution, _ = weighed[int(np.argmax(evidence))]
+    _, solution, top = weighed[int(np.argmax(evidence))]
+    left_kpa = problem.whitening.beyond_noise(problem.remaining(linear, solution, top))
     sensor = solution.coefficients[-3:]
     shown = problem.predict(found.z)
     grid, cells = problem.evidence.grid, problem.cells(found.z)
@@ -274,5 +278,6 @@ def _fit(problem: PressureProblem, points: list[Floats]) -> DriveFit:
         sensor=sensor[:2],
         sigma=problem.errors(linear, factor),
         evidence=evidence,
+        left_kpa=left_kpa,
         decrement=found.decrement,
     )

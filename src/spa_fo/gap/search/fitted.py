@@ -68,6 +68,8 @@ class Fitted:
     trend_nats, trend_deg : float
         Log evidence for gain and rest angle that go with the trials' order beside the explanation,
         and their RMS.
+    left_deg : float
+        RMS of the residual beyond noise.
     """
 
     ids: Ids
@@ -92,6 +94,7 @@ class Fitted:
     line: tuple[float, float] | None = None
     trend_nats: float = 0.0
     trend_deg: float = 0.0
+    left_deg: float = 0.0
 
     @property
     def x(self) -> Floats:
@@ -245,9 +248,15 @@ def weighed(bench: Bench, fitted: Fitted) -> Fitted:
         logs[k], at = _climb(log, at)
         levels.append(LEVELS[at])
     best = int(np.argmax(logs))
-    nats, size = _trend(bench, fitted, bench.whitening.factor(levels[best], SHARES[best]))
+    level, factor = levels[best], bench.whitening.factor(levels[best], SHARES[best])
+    _, solution, top = problem.weigh(linear, factor, fitted.variances, rounds=3)
+    remaining = problem.remaining(linear, solution, top)[: problem.rows.size]
+    left_deg = bench.whitening.beyond_noise(remaining, level)
+    nats, size = _trend(bench, fitted, factor)
     logs += _moving(bench, fitted.ids)
-    return replace(fitted, logs=logs, level=levels[best], trend_nats=nats, trend_deg=size)
+    return replace(
+        fitted, logs=logs, level=level, trend_nats=nats, trend_deg=size, left_deg=left_deg
+    )
 
 
 def _moving(bench: Bench, ids: Ids) -> float:
