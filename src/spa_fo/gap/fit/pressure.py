@@ -108,7 +108,16 @@ def resolution(evidence: Evidence) -> float:
     return float(np.quantile(steps, 0.1)) if steps.size else 0.0
 
 
-_LAG = Parameter("lag_s", "s", 0.0, SETTINGS.pressure_lag_s, 0.0, 1.0, starts=(0.01,))
+_SLOWEST = 5.0  # times the usual lag; what is later is the drive's
+_LAG = Parameter(
+    name="lag_s",
+    unit="s",
+    centre=0.0,
+    spread=SETTINGS.pressure_lag_s,
+    low=0.0,
+    high=_SLOWEST * SETTINGS.pressure_lag_s,
+    starts=(0.01,),
+)
 _LAG_LEFT = replace(_LAG, spread=SETTINGS.angle_late_s)  # where a lag is expected already
 
 
