@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.decide.weigh import decide_drive
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.pressure import lagged
 from spa_fo.gap.search.drive import Drive, examine_drive
 from spa_fo.gap.search.drive_by_angle import joined
 from spa_fo.gap.search.explanations import explain
-from spa_fo.plant.effects.library import IDS
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.memory import FINEST_STEP_S
 
 LAG_S = 0.06
@@ -32,12 +34,12 @@ def behind(t_s, values, lag_s):
     return seen
 
 
-def campaign(drive_lags: bool) -> Evidence:
+def campaign(drive_lags: bool, lag_s: float = LAG_S) -> Evidence:
     """Trials whose pressure reads late: as the drive was late, or as the sensor is."""
     rng = np.random.default_rng(5)
     own = []
     for trial in trials(*[step_release(SIXTY) for _ in range(4)]):
-        late = behind(trial.t_s, trial.command_kpa, LAG_S)
+        late = behind(trial.t_s, trial.command_kpa, lag_s)
         true = late if drive_lags else trial.command_kpa
         hold = "linear" if drive_lags else "zero"
         angle = np.degrees(simulate(trial.t_s, true / KPA, *X, hold=hold))
@@ -73,6 +75,16 @@ def test_the_angle_says_whether_the_drive_was_late(drive_lags):
         assert known.best.ids == ()
         assert known.best.z[-1] == pytest.approx(LAG_S, abs=0.01)
         assert known.gap_deg < 0.05
+
+
+def test_no_sensor_is_as_late_as_a_slow_line():
+    """Of which the library then knows nothing."""
+    drives = [name for name in IDS if LIBRARY[name].stage == "drive"]
+    drive = examine_drive(campaign(True, 0.8), drives, X)
+    assert drive.best.z[-1] <= 5.0 * SETTINGS.pressure_lag_s
+    assert drive.best.left_kpa > 0.05 * KPA
+    _, _, unknown = decide_drive(drive, campaign(True, 0.8), 0.5)
+    assert unknown > 0.9
 
 
 @settings(max_examples=30, deadline=None)
