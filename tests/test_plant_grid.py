@@ -56,3 +56,47 @@ def test_what_acts_on_a_row_is_the_command_of_the_row_before(rows: int, seed: in
 def test_a_trial_without_a_command_has_none_that_acts() -> None:
     with pytest.raises(BadInput, match="free trial 1 holds no command"):
         acting_command(trial(1, 0.1 * np.arange(9), None))
+
+
+def jittered(rows: int, interval_s: float, seed: int) -> Trial:
+    rng = np.random.default_rng(seed)
+    t = interval_s * (np.arange(rows) + 0.2 * rng.uniform(-1.0, 1.0, rows))
+    return trial(1, t - t[0], np.cumsum(rng.normal(size=rows)))
+
+
+@given(rows=st.integers(12, 60), interval_s=st.floats(0.1, 0.3), seed=st.integers(0, 99))
+def test_a_row_reads_the_pressure_before_its_own_command_acts(
+    rows: int, interval_s: float, seed: int
+) -> None:
+    """Of a drive that follows at once: the command of the row before, whenever the row came."""
+    one = jittered(rows, interval_s, seed)
+    grid = campaign_grid([one])
+    assert one.command_kpa is not None
+    assert grid.command_kpa is not None
+    expected = grid.averaged(np.append(one.command_kpa[0], one.command_kpa[:-1]))
+    assert grid.read(grid.command_kpa)[1:] == pytest.approx(expected[1:], abs=1e-9)
+
+
+@given(rows=st.integers(12, 60), interval_s=st.floats(0.02, 0.1), seed=st.integers(0, 99))
+def test_a_smooth_signal_is_read_at_the_time_of_the_row(
+    rows: int, interval_s: float, seed: int
+) -> None:
+    one = jittered(rows, interval_s, seed)
+    grid = campaign_grid([one])
+    assert grid.command_kpa is not None
+    cells = FINEST_STEP_S * (np.arange(grid.command_kpa.size) + 0.5)
+    signal = 20.0 * cells + np.sin(cells)
+    expected = grid.averaged(20.0 * one.t_s + np.sin(one.t_s))
+    inside = grid.time_s > 2.0 * FINEST_STEP_S
+    assert grid.read(signal)[inside] == pytest.approx(expected[inside], abs=2e-3)
+
+
+@given(seed=st.integers(0, 99))
+def test_a_reading_is_never_beyond_its_neighbours_by_more_than_their_difference(seed: int) -> None:
+    one = jittered(40, 0.1, seed)
+    grid = campaign_grid([one])
+    assert grid.command_kpa is not None
+    cells = np.random.default_rng(seed).normal(size=grid.command_kpa.size)
+    read = grid.read(cells)
+    assert np.all(read <= 2.0 * cells.max() - cells.min())
+    assert np.all(read >= 2.0 * cells.min() - cells.max())

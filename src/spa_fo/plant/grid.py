@@ -26,6 +26,7 @@ _CORNER_S = 0.32
 _GROWTH = 10.0  # a step is at most this part of the time since the last jump or corner
 _LONGEST = 3  # level of the longest step within a trial: 0.16 s
 _FIRST_REST = 2  # level of the first step of a rest
+_NEARLY_OVER = 1e-6  # of a cell: what rounding makes of a row at its end
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,30 @@ class CampaignGrid:
     def sampled(self, cells: Floats) -> Floats:
         """Average a signal given on cells over the rows of each averaged sample."""
         return self.averaged(cells[self.row_cell])
+
+    def read(self, cells: Floats) -> Floats:
+        """Read a signal given on cells at the time of each row, the rows then averaged.
+
+        A row logs what is there before its own command acts: the mean of its cell, which goes
+        on after it, would be ahead. So the cell that is over counts, and by the smaller of the
+        slopes to either side how far the row is from its middle (van Leer 1977,
+        doi:10.1016/0021-9991(77)90095-X).
+        """
+        before, over, following, cells_on = self._about_rows
+        rise, goes_on = cells[over] - cells[before], cells[following] - cells[over]
+        slope = np.where(rise * goes_on > 0.0, np.minimum(np.abs(rise), np.abs(goes_on)), 0.0)
+        return self.averaged(cells[over] + np.sign(rise) * slope * cells_on)
+
+    @cached_property
+    def _about_rows(self) -> tuple[Integers, Integers, Integers, Floats]:
+        """The cell that is over at each row, its neighbours, and cells from its middle on."""
+        t_s = np.concatenate([trial.t_s[~trial.after_reset] for trial in self.trials])
+        trial = np.searchsorted(self.cell_starts, self.row_cell, side="right") - 1
+        first, last = self.cell_starts[trial], self.cell_starts[trial + 1] - 1
+        ended = np.floor(t_s / FINEST_STEP_S + _NEARLY_OVER).astype(np.int64) - 1
+        over = np.clip(first + ended, first, last)
+        cells_on = t_s / FINEST_STEP_S - (over - first + 0.5)
+        return np.maximum(over - 1, first), over, np.minimum(over + 1, last), cells_on
 
     def averaged(self, rows: Floats) -> Floats:
         """Average what stands at the rows of all trials, those after a reset left out."""

@@ -184,7 +184,7 @@ class PressureProblem(Explained):
             if len(self._known) > 64:
                 self._known.clear()
             grid = self.evidence.grid
-            self._known[key] = grid.sampled(self.shown(z))
+            self._known[key] = grid.read(self.shown(z))
         return self._known[key]
 
     def left(self, z: Floats) -> Floats:
