@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -129,3 +131,14 @@ def test_what_is_left_is_judged_without_its_noise() -> None:
         left.append(whitening.beyond_noise(np.concatenate(drawn) + 0.8, 1.5))
     assert np.mean(np.square(noise)) < 0.15
     assert np.mean(np.square(left)) == pytest.approx(0.64, rel=0.1)
+
+
+def test_a_few_noisy_rows_do_not_hide_what_is_left() -> None:
+    rows = laid()
+    few = replace(
+        rows.groups[0], fixed=np.where(np.arange(rows.groups[0].count.size) == 3, 400.0, 0.003)
+    )
+    loud = replace(rows, groups=(few, *rows.groups[1:]))
+    left = Whitening(loud, SPECTRUM, np.ones(rows.size)).beyond_noise(np.full(rows.size, 1.0))
+    quiet = Whitening(rows, SPECTRUM, np.ones(rows.size)).beyond_noise(np.full(rows.size, 1.0))
+    assert left == pytest.approx(quiet, rel=0.05)

@@ -199,12 +199,17 @@ class Whitening:
         return self._factors[key]
 
     def beyond_noise(self, left: Floats, level: float = 1.0) -> float:
-        """RMS of what is left at the rows, (rows,), less what noise of a level makes of it."""
-        squares, weight = left**2, np.empty(left.size)
+        """RMS of what is left at the rows, (rows,), less what noise of a level makes of it.
+
+        Rows that are noisier than most, such as those beside a jump, count as little as they tell.
+        """
+        noise, weight = np.empty(left.size), np.empty(left.size)
         for group, (coloured, white, _) in zip(self.rows.groups, self._components(), strict=True):
-            squares[group.rows] -= level**2 * np.diag(coloured) + white
+            noise[group.rows] = level**2 * np.diag(coloured) + white
             weight[group.rows] = group.count
-        return float(np.sqrt(max(np.average(squares, weights=weight), 0.0)))
+        usual = float(np.median(noise))
+        weight *= (usual / np.maximum(noise, usual)) ** 2
+        return float(np.sqrt(max(np.average(left**2 - noise, weights=weight), 0.0)))
 
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten values at the rows, (rows,) or (rows, k)."""
