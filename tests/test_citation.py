@@ -37,9 +37,7 @@ def identifier(doi: str) -> str:
 
 def cited() -> set[str]:
     # A parenthesis belongs to a DOI where the DOI opens it.
-    dois = re.findall(
-        r"doi(?:\.org/|:)\s*(10\.\d{4,}/(?:\([^\s()]*\)|[^\s,;()\]\"'`])+)", TEXT
-    )
+    dois = re.findall(r"doi(?:\.org/|:)\s*(10\.\d{4,}/(?:\([^\s()]*\)|[^\s,;()\]\"'`])+)", TEXT)
     return {doi.rstrip(".") for doi in dois} | set(re.findall(r"arXiv:(\d{4}\.\d{4,5})", TEXT))
 
 
