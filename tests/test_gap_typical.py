@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from spa_fo.fractional import step_response
 from spa_fo.gap.data.searched import at_rate
-from spa_fo.gap.fit.typical import typical
+from spa_fo.gap.fit.coefficients import typical
 from spa_fo.plant.paper import TABLE_I
 
 USUAL = np.mean([x.as_array() for x in TABLE_I.values()], axis=0)

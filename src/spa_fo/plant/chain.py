@@ -345,7 +345,14 @@ class Chain:
 
     @cached_property
     def _known_load(self) -> Floats:
-        return self.grid.step_means(self.input_kpa) / self.reference_kpa
+        """Mean of u over each step; a trial begins as it has rested before."""
+        grid = self.grid
+        load = grid.step_means(self.input_kpa)
+        begins = self.input_kpa[grid.cell_starts[:-1]]
+        rested = grid.step_starts[:-1] + grid.trial_steps
+        for first, end, kpa in zip(rested[:-1], grid.step_starts[1:-1], begins[1:], strict=True):
+            load[first:end] = kpa
+        return load / self.reference_kpa
 
     def observed(self, reading: Floats, effects: Floats) -> Floats:
         """Take the reading at the grid's averaged samples."""

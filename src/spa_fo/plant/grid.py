@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
+from spa_fo.plant.lost_rows import command_times
 from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S
 from spa_fo.rig import Trial
 
@@ -185,7 +186,8 @@ def campaign_grid(
         A trial has neither command nor pressure, or no duration.
     """
     ordered = tuple(sorted(trials, key=lambda trial: trial.order))
-    laid = [_lay(trial, source) for trial in ordered]
+    held_from = command_times(ordered)
+    laid = [_lay(trial, source, t_s) for trial, t_s in zip(ordered, held_from, strict=True)]
     largest = max(float(np.abs(item.drive).max()) for item in laid)
     steps = [_steps(item.drive, largest, longest) for item in laid]
 
@@ -262,7 +264,7 @@ class _Samples:
     measured_kpa: Floats | None
 
 
-def _lay(trial: Trial, source: object) -> _Laid:
+def _lay(trial: Trial, source: object, held_from_s: Floats | None = None) -> _Laid:
     keep = np.append(np.diff(trial.t_s) > 0, True)
     t = trial.t_s[keep]
     cells = int(np.ceil(t[-1] / FINEST_STEP_S - 1e-6)) if t.size > 1 else 0
@@ -271,7 +273,8 @@ def _lay(trial: Trial, source: object) -> _Laid:
     edges = np.asarray(FINEST_STEP_S * np.arange(cells + 1), dtype=np.float64)
     command = pressure = None
     if trial.command_kpa is not None:
-        command = _held(t, trial.command_kpa[keep], edges)
+        held_from = t if held_from_s is None else held_from_s[keep]
+        command = _held(held_from, trial.command_kpa[keep], edges)
     if trial.pressure_kpa is not None:
         middle = 0.5 * (edges[1:] + edges[:-1])
         pressure = np.interp(middle, t, trial.pressure_kpa[keep])

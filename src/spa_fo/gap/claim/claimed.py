@@ -26,6 +26,7 @@ Ids = tuple[str, ...]
 
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
+_LEAST_SHOWN = 0.1  # of the squared error: trials that show less of a gap still judge
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def claim(
     closed = {}
     for named, curve in predicted.items():
         errors[named] = rmse(everything, curve, where)
-        closed[named] = 1.0 - (errors[named] / max(errors[()], 1e-12)) ** 2
+        closed[named] = _closed(errors[()], errors[named], floor_deg)
     first = verdict.sets[0] if verdict.sets else ()
     curves["explained"] = predicted.get(first, curves["plain"])
     curves["ceiling"] = curves["refit"] + _repeating(everything, held, curves["refit"])
@@ -133,6 +134,12 @@ def claim(
             scatter = max(scatter, floor_deg)  # nothing tells what is left from noise
         made = shrink(everything, held, curves, scatter, rng)
     return Claim(held, curves, errors, closed, made)
+
+
+def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
+    """Share of the squared gap that closes, beyond noise as far as the trials show it."""
+    gap = max(before_deg**2 - floor_deg**2, _LEAST_SHOWN * before_deg**2, 1e-24)
+    return (before_deg**2 - after_deg**2) / gap
 
 
 def _identified_again(found: Explanations) -> Fitted:

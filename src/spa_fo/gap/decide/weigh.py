@@ -106,8 +106,9 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         if ids and not named:
             continue  # what it is worth is worth as much without it
         logs = f.logs - price(f)
-        missed = _missed(gap_deg, f.left_deg)
-        right, unknown = _weighed(ids, logs, missed, floor_deg, repeats)
+        alone, helped = _helped(ids, named, apart(f, named))
+        missed = _missed(gap_deg, max(f.left_deg, helped))
+        right, unknown = _weighed(alone, logs, missed, floor_deg, repeats)
         left = float(missed[int(np.argmax(logs))])
         if f.trend_deg > s.no_gap * floor_deg:
             # What goes with the trials' order is structure that is left, too.
@@ -145,12 +146,24 @@ def _of_drive(drive: Drive | None, evidence: Evidence, floor_deg: float) -> list
             )
         if ids and not named:
             continue
-        missed = _missed(gap_deg, per_kpa_deg * f.left_kpa)
-        right, unknown = _weighed(ids, f.evidence, missed, floor_deg)
+        by = apart(f, drive.fits[named].predicted_kpa) if named in drive.fits else np.inf
+        alone, helped = _helped(ids, named, by)
+        missed = _missed(gap_deg, max(per_kpa_deg * f.left_kpa, helped))
+        right, unknown = _weighed(alone, f.evidence, missed, floor_deg)
         left = float(missed[int(np.argmax(f.evidence))])
         moving = {n: moved[n] for n in named}
         parts.append(_Part(named, right, unknown, f, moving, left, missed))
     return parts
+
+
+def _helped(ids: Ids, named: Ids, apart_deg: float) -> tuple[Ids, float]:
+    """Say which effects have a price beforehand, and what the others do for them, deg.
+
+    What moves too little to be named makes up for the form of what is: it is missed by that form.
+    """
+    if named == ids or not np.isfinite(apart_deg):
+        return ids, 0.0
+    return named, apart_deg
 
 
 def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:

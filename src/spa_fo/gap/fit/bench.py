@@ -6,13 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.optimize import least_squares
 
-from spa_fo.fractional import step_response
 from spa_fo.gap.data.evidence import Evidence, angle_chain
-from spa_fo.gap.data.searched import HIGHEST, LOWEST, searched_spread, to_x, to_z
-from spa_fo.gap.fit.typical import typical
+from spa_fo.gap.data.searched import to_x, to_z
+from spa_fo.gap.fit.coefficients import Coefficients, identified, usual
 from spa_fo.gap.noise.bench_noise import BenchNoise, Beyond, bench_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening, lay_rows
 from spa_fo.gap.settings import SETTINGS
@@ -35,9 +32,6 @@ _ABOUT = 7  # rows that say how large a gap is at one of them
 _LOCAL = 0.5  # of a gap's size at a row, the rest is the campaign's mean
 _SLIP_DEG = 0.4
 _MOST_LEVEL = 2.0  # against what a reference says: what is beyond has changed
-_RESPONSE_S = np.geomspace(0.05, 8.0, 14)
-"""Times at which the given model's step response is known; most models are fitted to these."""
-_SLOPE_STEP = 1e-4
 
 
 @dataclass(frozen=True)
@@ -58,9 +52,8 @@ class Bench:
         Typical standard deviations of the groups of nuisances.
     given, centre : (5,) arrays
         The given model's searched coefficients, and those that are most plausible.
-    spread, shifted : (5, 5) arrays
-        Covariance of the searched coefficients: as the given model leaves it, and where the
-        parameters have shifted.
+    coefficients : Coefficients
+        What is known of them.
     own : bool
         Whether the given model was fitted to this very campaign: its coefficients have bent.
     line : float or None
@@ -74,8 +67,7 @@ class Bench:
     scales: Floats
     given: Floats
     centre: Floats
-    spread: Floats
-    shifted: Floats
+    coefficients: Coefficients
     own: bool
     line: float | None = None
 
@@ -83,6 +75,10 @@ class Bench:
     def starts(self) -> list[Floats]:
         """Coefficients that a search may begin with."""
         return [self.centre, self.given] if self.own else [self.centre]
+
+    def shifted(self) -> Bench:
+        """Return the bench of an actuator whose parameters may have shifted."""
+        return replace(self, coefficients=self.coefficients.shifted(self.centre))
 
     def with_gap(self, residual_deg: Floats, predicted_deg: Floats) -> Bench:
         """Say how large the gap is at each row, by what a plain model leaves, (n,) arrays."""
@@ -143,12 +139,11 @@ def bench_for(
     rows = rows_of(evidence)
     horizon = _horizon_s(evidence)
     if own:
-        centre = to_z(typical(given, horizon))
-        spread = shifted = _own(centre)
+        coefficients = usual(given, horizon)
+        centre = coefficients.mean
     else:
         angle = float(np.sqrt(np.mean(evidence.grid.angle_deg**2)))
-        centre, spread = known_response(given, noise, horizon, angle)
-        shifted = spread + _shift(centre)
+        centre, coefficients = identified(given, noise, horizon, angle)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg
     scales = [scatter.gain, scatter.rest_deg, scatter.time_scale, dwell, _SLIP_DEG, 0.5]
@@ -160,75 +155,15 @@ def bench_for(
         scales=np.array(scales),
         given=to_z(given),
         centre=centre,
-        spread=spread,
-        shifted=shifted,
+        coefficients=coefficients,
         own=own,
     )
-
-
-def _own(z: Floats) -> Floats:
-    s = SETTINGS
-    return searched_spread(z, s.own_orders, s.own_logs, s.own_gain)
-
-
-def _shift(z: Floats) -> Floats:
-    s = SETTINGS
-    return searched_spread(z, s.shift_orders, s.shift_logs, s.shift_gain)
 
 
 def _horizon_s(evidence: Evidence) -> float:
     """Half a trial: about as long as its first step."""
     time = evidence.grid.time_s
     return 0.5 * float(np.median([np.ptp(time[rows]) for rows in evidence.rows]))
-
-
-def known_response(
-    given: Floats, noise: BenchNoise, horizon_s: float, angle_deg: float = np.inf
-) -> tuple[Floats, Floats]:
-    """Say what a model that was identified elsewhere tells of the coefficients.
-
-    Its step response is known, and its coefficients only as far as that decides them: along the
-    rest they are a usual actuator's. Its gain and time scale are the mean of a few trials, and its
-    angles, about `angle_deg` in size, were read by a sensor calibrated as well as this one.
-
-    Returns
-    -------
-    centre : (5,) array
-        Searched coefficients.
-    covariance : (5, 5) array
-        Of these.
-    """
-    gain = given[4] / given[3]
-    target = step_response(_RESPONSE_S, *given) / gain
-    usual = to_z(typical(given, horizon_s))
-    prior = _own(usual)
-    root = np.linalg.cholesky(prior)
-    read = (noise.fixture_deg or 0.0) / angle_deg
-    error = float(np.hypot(SETTINGS.response_error, read))
-
-    def response(z: Floats) -> Floats:
-        return np.asarray(step_response(_RESPONSE_S, *to_x(z)) / gain)
-
-    def left(z: Floats) -> Floats:
-        away = solve_triangular(root, z - usual, lower=True)
-        return np.concatenate([(response(z) - target) / error, away])
-
-    inside = LOWEST + 1e-2, HIGHEST - 5e-3
-    found = [
-        least_squares(left, np.clip(start, *inside), bounds=(LOWEST, HIGHEST))
-        for start in (usual, to_z(given))
-    ]
-    z = np.asarray(min(found, key=lambda f: float(f.cost)).x)
-    slopes = [
-        (response(z + d) - response(z - d)) / (2.0 * _SLOPE_STEP) for d in _SLOPE_STEP * np.eye(5)
-    ]
-    j = np.column_stack(slopes) / error
-    covariance = np.linalg.inv(j.T @ j + np.linalg.inv(prior))
-    quicker = np.array([0.0, 0.0, z[0] * (1.0 - z[1]), z[0], 0.0])
-    scatter, trials = noise.scatter, SETTINGS.model_trials
-    covariance += scatter.time_scale**2 / trials * np.outer(quicker, quicker)
-    covariance[4, 4] += scatter.gain**2 / trials + read**2
-    return z, np.asarray(covariance, dtype=np.float64)
 
 
 def plain_deg(bench: Bench) -> Floats:

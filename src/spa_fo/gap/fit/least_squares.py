@@ -52,6 +52,8 @@ class Explained(ABC):
         Their bounds.
     scales : array
         Typical standard deviations of the groups of nuisances.
+    log_noise : float
+        Logarithm of the determinant of the noise beyond the whitening's.
     """
 
     group: Integers
@@ -65,8 +67,10 @@ class Explained(ABC):
         low: Floats,
         high: Floats,
         scales: Floats,
+        log_noise: float = 0.0,
     ) -> None:
-        self.slots, self.scales = list(slots), scales
+        self.slots, self.scales, self.log_noise = list(slots), scales, log_noise
+        self.most = np.full(scales.size, np.inf)
         self.free = k = centre.size
         p = k + len(self.slots)
         self.parameters = p
@@ -197,7 +201,7 @@ class Explained(ABC):
             gram[1:, 1:][np.ix_(use, use)],
             gram[1:, 0][use],
             float(gram[0, 0]),
-            2.0 * factor.half_log,
+            2.0 * factor.half_log + self.log_noise,
             linear.left.size,
         )
         mean = np.concatenate(
@@ -211,6 +215,7 @@ class Explained(ABC):
             np.concatenate([np.ones(p), self.variance])[use],
             np.concatenate([np.full(p, -1), self.group])[use],
             self.scales,
+            self.most,
         )
         solution = solve(normal, prior, variances, rounds)
         moved = np.zeros(p)

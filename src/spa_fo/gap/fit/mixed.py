@@ -58,12 +58,15 @@ class Prior:
         Which unknown variance the coefficient has, negative for none.
     scale : (g,) array
         Typical standard deviation of each group.
+    most : (g,) array, optional
+        The largest that is possible.
     """
 
     mean: Floats
     variance: Floats
     group: Integers
     scale: Floats
+    most: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -161,6 +164,8 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
         )
         known = np.maximum(sizes - undecided, 0.0)
         variances = (squares + _PRIOR_STRENGTH * prior.scale**2) / (known + _PRIOR_STRENGTH + 2.0)
+        if prior.most is not None:
+            variances = np.minimum(variances, prior.most**2)
     deviation = coefficients - mean
     fit = normal.square - 2.0 * coefficients @ vector + coefficients @ matrix @ coefficients
     log_determinant = 2.0 * float(np.sum(np.log(np.diag(factor)))) + float(np.sum(np.log(spread)))

@@ -64,10 +64,14 @@ def timing_error(evidence: Evidence) -> Floats:
     return np.asarray(np.sqrt(squares))
 
 
+def interval_s(evidence: Evidence) -> float:
+    """Time between two samples, s."""
+    return float(np.median(np.concatenate([np.diff(t.t_s) for t in evidence.grid.trials])))
+
+
 def _reach(evidence: Evidence) -> int:
     """Cells between two samples."""
-    interval = float(np.median(np.concatenate([np.diff(t.t_s) for t in evidence.grid.trials])))
-    return max(1, round(interval / FINEST_STEP_S))
+    return max(1, round(interval_s(evidence) / FINEST_STEP_S))
 
 
 def _beside(cells: Floats, at: Integers, reach: int) -> tuple[Floats, Floats]:
@@ -119,6 +123,15 @@ _LAG = Parameter(
     starts=(0.01,),
 )
 _LAG_LEFT = replace(_LAG, spread=SETTINGS.angle_late_s)  # where a lag is expected already
+_RIG_LAG_S = 1.0 / (2.0 * np.pi * 100.0)
+_RIG_LAG = replace(_LAG, spread=_RIG_LAG_S, high=_RIG_LAG_S, starts=(0.0,))
+"""Of a spa-rig log, whose sensor has a bandwidth of more than 100 Hz by its format."""
+
+
+def _lag_of(evidence: Evidence, known: bool) -> Parameter:
+    if evidence.data.campaign.log.format == "spa-rig":
+        return _RIG_LAG
+    return _LAG_LEFT if known else _LAG
 
 
 class PressureProblem(Explained):
@@ -153,13 +166,13 @@ class PressureProblem(Explained):
             for name in ids
             for k, parameter in enumerate(LIBRARY[name].parameters)
         ]
-        slots.append(Slot(_LAG_LEFT if lag_known else _LAG, -1))
+        slots.append(Slot(_lag_of(evidence, lag_known), -1))
         none = np.zeros(0)
         super().__init__(slots, none, np.zeros((0, 0)), none, none, np.ones(1))
         self.group = np.full(3, -1)
-        self.variance = np.square(
-            [SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain, SETTINGS.angle_late_s]
-        )
+        # When within its interval a row is read, cells as long do not know.
+        late_s = float(np.hypot(SETTINGS.angle_late_s, _UNIFORM * interval_s(evidence)))
+        self.variance = np.square([SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain, late_s])
         self._known: dict[bytes, Floats] = {}
 
     def effects(self, z: Floats) -> Floats:

@@ -34,6 +34,7 @@ Integers = NDArray[np.int64]
 
 _SLOPE_STEP = 1e-4
 _SCALE_STEP = 2e-3
+_MOST_DWELL = 6.0  # times the error of a fixture made with care, or of this one
 
 
 @dataclass(frozen=True)
@@ -79,15 +80,21 @@ class AngleProblem(Explained):
             if LIBRARY[name].port == "chain"
             for k, parameter in enumerate(LIBRARY[name].parameters)
         ]
-        shifted = at_port("coefficients", ids) is not None
+        known = bench.coefficients
+        if at_port("coefficients", ids) is not None:
+            known = known.shifted(bench.centre)
+        self.response = known.response
         super().__init__(
             slots,
-            bench.centre,
-            bench.shifted if shifted else bench.spread,
+            known.mean,
+            known.spread,
             LOWEST,
             HIGHEST,
             nuisance_scales(bench, at_port("zeros", ids) is not None),
+            0.0 if known.response is None else known.response.log_noise,
         )
+        # Errors of known angles that agree with each other do not hide what all trials show.
+        self.most[DWELL] = _MOST_DWELL * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self.film_slots = LIBRARY.slots(lambda e: e.in_fixture)
         self.angle_slots = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
         self._base: _Base | None = None
@@ -157,7 +164,7 @@ class AngleProblem(Explained):
         knots, n = self.curve.size, rows.size
         f = 0 if fixture is None else fixture.deviation_deg.size
         d = evidence.drift_deg.size
-        out = np.zeros((n + f + d, self.size))
+        out = self.stacked(np.zeros((n, self.size)))
         out[:n, : knots + 1] = moving[:, : knots + 1]
         out[:n, self.dwells] = moving[:, knots + 1 : knots + 1 + self.dwells.size]
         orders = grid.orders
@@ -188,13 +195,14 @@ class AngleProblem(Explained):
             out[n : n + f, self.dwells] = fixture.average @ fixture.of_dwell
         if d:
             assert fixture is not None
-            out[n + f :, self.dwells] = fixture.drifted
+            later = slice(n + f, n + f + d)
+            out[later, self.dwells] = fixture.drifted
             if self.changed:
-                out[n + f :, self.curve] = curve_columns(evidence.drift_angle_deg)
+                out[later, self.curve] = curve_columns(evidence.drift_angle_deg)
             if self.walk.size:
                 after = evidence.drift_after
-                out[n + f :, self.walk[0]] = np.append(0.0, orders)[after]
-                out[n + f :, self.steps] = np.arange(self.steps.size)[None, :] < after[:, None]
+                out[later, self.walk[0]] = np.append(0.0, orders)[after]
+                out[later, self.steps] = np.arange(self.steps.size)[None, :] < after[:, None]
         return out
 
     # --- prediction ------------------------------------------------------------------------------
@@ -248,36 +256,61 @@ class AngleProblem(Explained):
             known[k] = (there[0] - here[0]) / step, (there[1] - here[1]) / step
         return known[k]
 
+    def stacked(
+        self,
+        angle: Floats,
+        fixture: Floats | None = None,
+        drift: Floats | None = None,
+        response: Floats | None = None,
+    ) -> Floats:
+        """Lay what stands at the rows, in the fixture, of later calibrations and of the response.
+
+        What is None is 0; of the response everything is whitened already.
+        """
+        evidence, rest = self.evidence, angle.shape[1:]
+        fixed = 0 if evidence.fixture is None else evidence.fixture.deviation_deg.size
+        known = 0 if self.response is None else self.response.values.size
+        sizes = fixed, evidence.drift_deg.size, known
+        parts = [
+            np.zeros((size, *rest)) if part is None else part
+            for part, size in zip((fixture, drift, response), sizes, strict=True)
+        ]
+        return np.concatenate([angle, *parts])
+
     def left(self, z: Floats) -> Floats:
-        """Measured less predicted, at the rows, in the fixture, and of later calibrations."""
+        """Measured less predicted, (all rows,); see `stacked`."""
         y, fixed = self.predict(z)
         evidence = self.evidence
-        parts = [self.rows.merged(evidence.grid.angle_deg - y)]
-        if evidence.fixture is not None:
-            parts.append(evidence.fixture.deviation_deg - fixed)
-        parts.append(evidence.drift_deg)
-        return np.concatenate(parts)
+        return self.stacked(
+            self.rows.merged(evidence.grid.angle_deg - y),
+            None if evidence.fixture is None else evidence.fixture.deviation_deg - fixed,
+            evidence.drift_deg,
+            None if self.response is None else self.response.left(z),
+        )
 
     def slopes(self, z: Floats) -> Floats:
-        """Slopes of the prediction over the searched parameters, (rows, parameters)."""
+        """Slopes of the prediction over the searched parameters, (all rows, parameters)."""
         self._about(z)
         pairs = [self._slope(z, k) for k in range(self.parameters)]
-        angle = self.rows.merged(np.column_stack([pair[0] for pair in pairs]))
-        fixed = np.column_stack([pair[1] for pair in pairs])
-        none = np.zeros((self.evidence.drift_deg.size, self.parameters))
-        return np.vstack([angle, fixed, none])
+        known = None
+        if self.response is not None:
+            known = np.pad(self.response.slopes(z), ((0, 0), (0, self.parameters - 5)))
+        return self.stacked(
+            self.rows.merged(np.column_stack([pair[0] for pair in pairs])),
+            np.column_stack([pair[1] for pair in pairs]),
+            response=known,
+        )
 
     # --- whitening -------------------------------------------------------------------------------
 
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten what stands at all rows."""
-        n = self.rows.size
-        sigma = np.concatenate(
-            [
-                np.zeros(0) if self.evidence.fixture is None else self.evidence.fixture.sigma_deg,
-                self.evidence.drift_sigma_deg,
-            ]
+        n, fixture = self.rows.size, self.evidence.fixture
+        sigma = np.ones(values.shape[0] - n)
+        known = np.append(
+            np.zeros(0) if fixture is None else fixture.sigma_deg, self.evidence.drift_sigma_deg
         )
+        sigma[: known.size] = known
         rest = (values[n:].T / sigma).T
         return np.concatenate([self.bench.whitening.white(factor, values[:n]), rest])
 

@@ -53,13 +53,13 @@ class LawProblem(AngleProblem):
     ) -> None:
         bare = bench.chain
         # A law's straight part is the coefficients': they may have shifted.
-        own = replace(bench, chain=with_law(bare, basis.law(e)), spread=bench.shifted)
+        own = replace(bench.shifted(), chain=with_law(bare, basis.law(e)))
         super().__init__(own, ids, changed)
         self.basis, self.e, self.bare = basis, e, bare
         self.step = _STEP * scale
         self.group = np.append(self.group, np.full(basis.size, self.scales.size))
         self.variance = np.append(self.variance, np.ones(basis.size))
-        self.scales = np.append(self.scales, scale)
+        self.scales, self.most = np.append(self.scales, scale), np.append(self.most, np.inf)
         self._tangents: tuple[Floats, Floats] | None = None
 
     def tangents(self, z: Floats) -> Floats:
@@ -76,12 +76,10 @@ class LawProblem(AngleProblem):
             e[k] += self.step
             moved.append(self._angle(with_law(self.bare, self.basis.law(e)), z) - here)
         rows = self.rows.merged(np.column_stack(moved)) / self.step
-        evidence = self.evidence
-        fixture = 0 if evidence.fixture is None else evidence.fixture.deviation_deg.size
-        drift = np.zeros((evidence.drift_deg.size, self.basis.size))
+        drift = None
         if self.changed and self.basis.place == "reading":
-            drift = self.basis.curve(evidence.drift_angle_deg)
-        return np.vstack([rows, np.zeros((fixture, self.basis.size)), drift])
+            drift = self.basis.curve(self.evidence.drift_angle_deg)
+        return self.stacked(rows, drift=drift)
 
     def _angle(self, chain: Chain, z: Floats) -> Floats:
         effects = self.effects(z)

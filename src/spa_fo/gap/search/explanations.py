@@ -105,7 +105,6 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
     pull = np.append(np.zeros(precision.size - away.size), away)
     taken = half @ left + solve_triangular(root, pull, lower=True)
     y, fixed = problem.predict(base.z)
-    drifts = np.zeros(bench.evidence.drift_deg.size)
     shown = []
     for name in names:
         if name in base.ids:
@@ -118,7 +117,7 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
             z = np.empty(wide.parameters)
             z[:5], z[5:][~mine], z[5:][mine] = base.z[:5], base.z[5:], point[5:]
             there, fixed_there = wide.predict(z)
-            change = np.concatenate([problem.rows.merged(there - y), fixed_there - fixed, drifts])
+            change = problem.stacked(problem.rows.merged(there - y), fixed_there - fixed)
             column = problem.white(factor, change)
             shadow = half @ column
             seen = float(column @ column - shadow @ shadow) + 1.0

@@ -23,7 +23,7 @@ EFFECT = Effect(
 @njit
 def low_pass(p: Floats, starts: Integers, time_constant: float) -> None:
     """First-order lag; means over cells of an input that is constant in each."""
-    if time_constant < 1e-4:
+    if time_constant <= 0.0:
         return
     x = FINEST_STEP_S / time_constant
     keep = math.exp(-x)

@@ -14,7 +14,7 @@ from spa_fo.plant.memory import LEVELS, STEPS_S
 EFFECT = Effect(
     id="sensor_creep",
     stage="sensor",
-    parameters=spectrum(),
+    parameters=spectrum(low=-0.3),
     name="creep of the sensor",
     means="the reading keeps drifting while the angle is held",
     remedy="calibrate with long dwells, and check one hold against a video or a protractor",

@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Check, Effect, amplitude, shape
+from spa_fo.plant.effects.effect import Check, Effect, Parameter, shape
 from spa_fo.plant.effects.shared import Floats
 
 EFFECT = Effect(
     id="sensor_hysteresis",
     stage="sensor",
     parameters=(
-        amplitude("width_deg", "deg", "width of the loop", spread=2.0, high=20.0, start=1.0),
+        Parameter(
+            *("width_deg", "deg", 0.0, 2.0, -20.0, 20.0),
+            starts=(1.0,),
+            means="width of the loop: the reading lags; below 0 it is ahead",
+        ),
         shape(
             "turn_deg",
             "deg",

@@ -30,7 +30,7 @@ EFFECT = Effect(
 @njit
 def follow(y: Floats, level: Integers, time_constant: float, state: Floats) -> None:
     """First-order lag of an input that runs straight within a step; the first value is at rest."""
-    if time_constant < 1e-4:
+    if time_constant <= 0.0:
         return
     now = state[0]
     before = now if y.size == 0 else y[0]

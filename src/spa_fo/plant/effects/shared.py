@@ -18,10 +18,11 @@ MOMENTS = tuple(np.linspace(0.02, 0.98, 49).tolist())  # a score test looks at e
 _DECADE = 0.5  # of creep time that one element stands for
 
 
-def spectrum() -> tuple[Parameter, ...]:
+def spectrum(low: float = 0.0) -> tuple[Parameter, ...]:
     """Give a creep's spectrum: a bell over the logarithm of time, which bends with any of them.
 
-    Narrow it is a single element, broad a logarithmic law, broad and late a power law.
+    Narrow it is a single element, broad a logarithmic law, broad and late a power law. `low` is
+    the least growth in each tenfold of time.
     """
     return (
         amplitude(
@@ -29,6 +30,7 @@ def spectrum() -> tuple[Parameter, ...]:
             "1",
             "growth in each tenfold of time, as a share of the angle",
             spread=0.05,
+            low=low,
             high=0.5,
             start=0.03,
         ),

@@ -1,0 +1,199 @@
+"""What is known of an actuator's coefficients before its angles are looked at.
+
+A model that was identified elsewhere tells the step response, and each coefficient only as far as
+that decides it: coefficients that make one response lie in a narrow and curved valley, far wider
+than where it is straight. So its response stands among the observations, and the prior is a usual
+actuator's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import brentq, least_squares
+
+from spa_fo.fractional import step_response
+from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, searched_spread, to_x, to_z
+from spa_fo.gap.noise.bench_noise import BenchNoise
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.paper import TABLE_I
+
+Floats = NDArray[np.float64]
+
+_TIMES_S = np.geomspace(0.05, 8.0, 14)
+"""Times at which the given model's step response is known; most models are fitted to these."""
+_SLOPE_STEP = 1e-4
+_RISEN = 0.63
+_FASTEST, _SLOWEST = 100.0, 0.01  # as fast as the paper's actuators
+_SAMPLES = 400
+
+
+@dataclass(frozen=True)
+class KnownResponse:
+    """The step response of a model that was identified elsewhere, as an observation.
+
+    Attributes
+    ----------
+    values : (k,) array
+        The response, of its final value.
+    gain : float
+        That final value.
+    root : (k, k) array
+        Cholesky factor, lower, of the covariance of its error.
+    """
+
+    values: Floats
+    gain: float
+    root: Floats
+
+    @property
+    def log_noise(self) -> float:
+        """Logarithm of the determinant of that covariance."""
+        return 2.0 * float(np.sum(np.log(np.diag(self.root))))
+
+    def of(self, z: Floats) -> Floats:
+        """Response of searched coefficients, as `values`."""
+        return np.asarray(step_response(_TIMES_S, *to_x(z[:5])) / self.gain)
+
+    def left(self, z: Floats) -> Floats:
+        """Give what coefficients leave of it, whitened, (k,)."""
+        return np.asarray(solve_triangular(self.root, self.values - self.of(z), lower=True))
+
+    def slopes(self, z: Floats) -> Floats:
+        """Slopes of the response over the searched coefficients, whitened, (k, 5)."""
+        return np.asarray(solve_triangular(self.root, self._bare_slopes(z), lower=True))
+
+    def _bare_slopes(self, z: Floats) -> Floats:
+        steps = _SLOPE_STEP * np.eye(5)
+        apart = [self.of(z[:5] + d) - self.of(z[:5] - d) for d in steps]
+        return np.column_stack(apart) / (2.0 * _SLOPE_STEP)
+
+    def wider(self, z: Floats, spread: Floats) -> KnownResponse:
+        """Return it as it is known where coefficients near `z` have moved since, by (5, 5)."""
+        slopes = self._bare_slopes(z)
+        covariance = self.root @ self.root.T + slopes @ spread @ slopes.T
+        return replace(self, root=np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """What is known of the searched coefficients.
+
+    Attributes
+    ----------
+    mean, spread : (5,), (5, 5) arrays
+        Prior mean and covariance: a usual actuator as fast and as strong as the given model.
+    response : KnownResponse or None
+        None where the given model was fitted to this very campaign: it has bent with it.
+    moved : bool
+        Whether they may have shifted since.
+    """
+
+    mean: Floats
+    spread: Floats
+    response: KnownResponse | None = None
+    moved: bool = False
+
+    def shifted(self, z: Floats) -> Coefficients:
+        """Return what is known where the parameters have shifted since, about `z`."""
+        if self.response is None or self.moved:
+            return self
+        s = SETTINGS
+        shift = searched_spread(z, s.shift_orders, s.shift_logs, s.shift_gain)
+        return Coefficients(self.mean, self.spread + shift, self.response.wider(z, shift), True)
+
+    def likeliest(self, starts: list[Floats]) -> Floats:
+        """Search for the most probable ones, (5,), from the best of some points."""
+        root = np.linalg.cholesky(self.spread)
+
+        def left(z: Floats) -> Floats:
+            away = solve_triangular(root, z - self.mean, lower=True)
+            return away if self.response is None else np.append(self.response.left(z), away)
+
+        inside = LOWEST + 1e-2, HIGHEST - 5e-3
+        found = [
+            least_squares(left, np.clip(start, *inside), bounds=(LOWEST, HIGHEST))
+            for start in starts
+        ]
+        return np.asarray(min(found, key=lambda f: float(f.cost)).x)
+
+
+def usual(given: Floats, horizon_s: float) -> Coefficients:
+    """Say what is usual of an actuator as fast and as strong as a given model, (5,)."""
+    s, mean = SETTINGS, to_z(typical(given, horizon_s))
+    return Coefficients(mean, searched_spread(mean, s.own_orders, s.own_logs, s.own_gain))
+
+
+def identified(
+    given: Floats, noise: BenchNoise, horizon_s: float, angle_deg: float = np.inf
+) -> tuple[Floats, Coefficients]:
+    """Say what a model that was identified elsewhere tells.
+
+    Its gain and time scale are the mean of a few trials, and its angles, about `angle_deg` in size,
+    were read by a sensor calibrated as well as this one.
+
+    Returns
+    -------
+    (5,) array
+        The most probable searched coefficients.
+    Coefficients
+        What is known of them.
+    """
+    gain = float(given[4] / given[3])
+    read = (noise.fixture_deg or 0.0) / angle_deg
+    error = float(np.hypot(SETTINGS.response_error, read))
+    values = step_response(_TIMES_S, *given) / gain
+    known = KnownResponse(values, gain, error * np.eye(values.size))
+    before = replace(usual(given, horizon_s), response=known)
+    z = before.likeliest([before.mean, to_z(given)])
+    quicker = np.array([0.0, 0.0, z[0] * (1.0 - z[1]), z[0], 0.0])
+    scatter, trials = noise.scatter, SETTINGS.model_trials
+    moved = scatter.time_scale**2 / trials * np.outer(quicker, quicker)
+    moved[4, 4] += scatter.gain**2 / trials + read**2
+    return z, replace(before, response=known.wider(z, moved))
+
+
+def typical(given: Floats, horizon_s: float) -> Floats:
+    """Give the paper's actuators, as fast and as strong as a given model.
+
+    A model that was fitted to a gap has bent with it: its damping may have vanished, or its
+    inertia, and with it what tells the search the way back.
+
+    Parameters
+    ----------
+    given : (5,) array
+        Coefficients of the model.
+    horizon_s : float
+        Length of the steps that it was fitted to, s.
+
+    Returns
+    -------
+    (5,) array
+        Coefficients; of both actuators of Table I the mean.
+    """
+    mean = np.mean([x.as_array() for x in TABLE_I.values()], axis=0)
+    rise = np.log(_rise_s(given, horizon_s))
+
+    def later(log_rate: float) -> float:
+        return float(np.log(_rise_s(at_rate(mean, float(np.exp(log_rate))), horizon_s)) - rise)
+
+    ends = np.log(_SLOWEST), np.log(_FASTEST)
+    signs = [later(end) for end in ends]
+    if signs[0] * signs[1] < 0.0:
+        log_rate = float(brentq(later, *ends, xtol=1e-3))
+    else:
+        log_rate = float(ends[int(np.argmin(np.abs(signs)))])
+    x = at_rate(mean, float(np.exp(log_rate)))
+    end = np.array([horizon_s])
+    x[4] *= float(step_response(end, *given)[0] / step_response(end, *x)[0])
+    return np.asarray(x)
+
+
+def _rise_s(x: Floats, horizon_s: float) -> float:
+    """Time at which most of the response at the horizon is reached, s."""
+    time = np.geomspace(1e-4, 1.0, _SAMPLES) * horizon_s
+    y = step_response(time, *x)
+    return float(time[int(np.argmax(y >= _RISEN * y[-1]))])
