@@ -6,14 +6,30 @@ import numpy as np
 import pytest
 
 from spa_fo.fractional import step_response
-from spa_fo.gap.data.searched import to_x, to_z
-from spa_fo.gap.fit.bench import known_response
+from spa_fo.gap.data.searched import searched_spread, to_x, to_z
+from spa_fo.gap.fit.coefficients import Coefficients, KnownResponse, identified, usual
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.noise.coloured import CORRELATION_S, Scatter, Spectrum
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.paper import TABLE_I
 
 NOISE = BenchNoise(Spectrum(0.01, np.full(CORRELATION_S.size, 0.01)), Scatter(0.01, 0.2, 0.01), 0.2)
 T = np.geomspace(0.05, 8.0, 60)
+
+
+USUAL = np.mean([x.as_array() for x in TABLE_I.values()], axis=0)
+
+
+def response_of(known: Coefficients) -> KnownResponse:
+    assert known.response is not None
+    return known.response
+
+
+def squares(known: Coefficients, z: np.ndarray) -> float:
+    """Misfit of the known response, and of what is usual."""
+    away = z - known.mean
+    left = response_of(known).left(z)
+    return float(left @ left + away @ np.linalg.solve(known.spread, away))
 
 
 @pytest.mark.parametrize(
@@ -24,26 +40,75 @@ T = np.geomspace(0.05, 8.0, 60)
     ],
 )
 def test_its_step_response_is_known_and_the_rest_is_as_usual(given: np.ndarray) -> None:
-    centre, covariance = known_response(given, NOISE, 6.0)
+    centre, known = identified(given, NOISE, 6.0)
     final = given[4] / given[3]
     missed = step_response(T, *to_x(centre)) - step_response(T, *given)
     assert np.abs(missed).max() < 0.01 * final
     assert 1.0 < centre[0] < 1.9
-    np.testing.assert_allclose(covariance, covariance.T, rtol=1e-9, atol=1e-12)
-    assert np.linalg.eigvalsh(covariance).min() > 1e-6
+    slopes = response_of(known).slopes(centre)
+    covariance = np.linalg.inv(slopes.T @ slopes + np.linalg.inv(known.spread))
     # The gain is known, orders and damping hardly.
     sigma = np.sqrt(np.diag(covariance))
     assert sigma[4] < 0.03
     assert sigma[2] > 0.1
 
 
+def test_coefficients_that_change_the_response_are_no_plausible_ones() -> None:
+    # Three and a half deviations away, were the valley straight; the response changes by a fifth.
+    given = np.array([1.36, 1.25, 0.77, 1.70, 0.98])
+    centre, known = identified(given, NOISE, 6.0)
+    far = to_z(np.array([1.37, 1.11, 0.12, 0.72, 0.41]))
+    slopes = response_of(known).slopes(centre)
+    precision = slopes.T @ slopes + np.linalg.inv(known.spread)
+    straight = float((far - centre) @ precision @ (far - centre))
+    assert squares(known, far) - squares(known, centre) > 20.0 * straight
+
+
+def test_slopes_are_those_of_the_response() -> None:
+    centre, known = identified(TABLE_I["design_1"].as_array(), NOISE, 6.0)
+    response = response_of(known)
+    for k, column in enumerate(response.slopes(centre).T):
+        step = 1e-3 * np.eye(5)[k]
+        moved = response.left(centre - step) - response.left(centre + step)
+        np.testing.assert_allclose(column, moved / 2e-3, rtol=1e-3, atol=2e-3)
+
+
 def test_a_gap_of_the_fixture_makes_the_response_less_sure() -> None:
     given = TABLE_I["design_1"].as_array()
-    sure, unsure = (known_response(given, NOISE, 6.0, angle)[1][4, 4] for angle in (np.inf, 20.0))
-    assert unsure > sure + 0.9 * (0.2 / 20.0) ** 2
+
+    def of_gain(angle_deg: float) -> float:
+        centre, known = identified(given, NOISE, 6.0, angle_deg)
+        louder = centre + np.array([0.0, 0.0, 0.0, 0.0, 0.01])
+        return squares(known, louder) - squares(known, centre)
+
+    assert of_gain(20.0) < 0.6 * of_gain(np.inf)
+
+
+def test_what_may_have_shifted_is_known_as_far_as_it_may() -> None:
+    centre, known = identified(USUAL, NOISE, 6.0)
+    moved = known.shifted(centre)
+    assert moved.shifted(centre) is moved
+    s = SETTINGS
+    shift = searched_spread(centre, s.shift_orders, s.shift_logs, s.shift_gain)
+    np.testing.assert_allclose(moved.spread, known.spread + shift)
+    bare = response_of(known).root @ response_of(known).slopes(centre)
+    wider = response_of(moved).root @ response_of(moved).root.T
+    np.testing.assert_allclose(
+        wider,
+        response_of(known).root @ response_of(known).root.T + bare @ shift @ bare.T,
+        rtol=1e-6,
+        atol=1e-9,
+    )
+    assert response_of(moved).log_noise == pytest.approx(np.linalg.slogdet(wider)[1])
+
+
+def test_a_model_of_the_campaign_itself_tells_what_is_usual() -> None:
+    known = usual(USUAL, 6.0)
+    assert known.response is None
+    assert known.shifted(known.mean) is known
+    np.testing.assert_allclose(known.mean, to_z(USUAL), atol=0.02)
 
 
 def test_a_usual_actuator_is_its_own_centre() -> None:
-    usual = np.mean([x.as_array() for x in TABLE_I.values()], axis=0)
-    centre, _ = known_response(usual, NOISE, 6.0)
-    np.testing.assert_allclose(centre, to_z(usual), atol=0.02)
+    centre, _ = identified(USUAL, NOISE, 6.0)
+    np.testing.assert_allclose(centre, to_z(USUAL), atol=0.02)

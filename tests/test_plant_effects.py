@@ -22,6 +22,7 @@ from spa_fo.plant.effects.library import CONTRACT, IDS, LIBRARY, absent, stage_o
 from spa_fo.plant.effects.sensor import read_angle
 from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
+from spa_fo.plant.lost_rows import command_times
 from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S, contour_for
 from spa_fo.rig import Trial
 
@@ -674,12 +675,12 @@ def test_steps_cover_the_trials_and_samples_fall_in_one(
     check_grid(grid)
     assert grid.level[grid.cells > 0].max() <= longest
     assert grid.orders.tolist() == list(range(1, len(own) + 1))
-    for i, t in enumerate(grid.trials):
-        # The command is held from sample to sample: its area is kept.
+    for i, (t, from_s) in enumerate(zip(grid.trials, command_times(grid.trials), strict=True)):
+        # The command is held from sample to sample, rows lost at a jump apart: its area is kept.
         assert grid.command_kpa is not None
         assert t.command_kpa is not None
         cells = grid.command_kpa[grid.cell_starts[i] : grid.cell_starts[i + 1]]
-        held = np.append(np.diff(t.t_s), cells.size * FINEST_STEP_S - t.t_s[-1])
+        held = np.append(np.diff(from_s), cells.size * FINEST_STEP_S - from_s[-1])
         assert cells.sum() * FINEST_STEP_S == pytest.approx(held @ t.command_kpa, abs=1e-6)
 
 
@@ -735,3 +736,15 @@ def test_a_pressure_takes_the_place_of_command_and_drive() -> None:
     late, _ = driven.readings(X, vector("dead_time"))
     plain, _ = chain_for(grid, X, KPA).readings(X, absent())
     np.testing.assert_array_equal(late, plain)
+
+
+def test_a_pressure_that_stands_in_the_rests_is_that_of_the_drive() -> None:
+    # A pump with play never vents the actuator: what moves it is the same, told or computed.
+    grid = campaign_grid(trials(step_release(), step_release(), step_release()), longest=0)
+    effects = vector("drive_backlash", play_kpa=6.0, centre=1.0)
+    commanded = chain_for(grid, X, KPA)
+    angle, _ = commanded.readings(X, effects)
+    known = commanded.pressure(effects, np.zeros(2))
+    driven, _ = chain_for(grid, X, KPA, pressure_kpa=known).readings(X, absent())
+    assert (angle[grid.step_starts[1:-1]] > 1.0).all()
+    np.testing.assert_allclose(driven, angle, atol=1e-9)

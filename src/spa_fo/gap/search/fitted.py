@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ Ids = tuple[str, ...]
 
 _ROUGH, _ROUGH_TRIED = 0.5, 12  # nats and points of a search that only ranks
 _ENOUGH, _MOST_TRIED = 0.01, 40
+_FIRST_SHARE = 1  # where the search for the best share and level begins
 HOPE = 10.0
 """Times what a full step would gain is what a rough fit may still gain."""
 LINE_SEARCH = np.log(400.0)  # price of a search over frequencies and amplitudes
@@ -56,9 +58,9 @@ class Fitted:
     moved_deg : dict
         RMS by which each effect moves the angle.
     logs : dict
-        Log evidence by share that is missed, at the best level of the noise.
+        Log evidence by share that is missed, at one level of the noise.
     level : float
-        That level.
+        That level: the best for the share of largest evidence.
     quick : float
         Log evidence at the level and share of the search.
     decrement, tried, rejected : float, int, int
@@ -232,30 +234,35 @@ def _moved(problem: AngleProblem, fitted: Fitted, plain: Fitted | None) -> dict[
 
 
 def weighed(bench: Bench, fitted: Fitted) -> Fitted:
-    """Weigh a fit at every share that it may miss, each at its best level of the noise."""
+    """Weigh a fit at every share that it may miss, at the best level of the noise."""
     problem = AngleProblem(bench, fitted.ids, fitted.changed)
     linear = problem.linear(fitted.z)
-    logs = np.empty(len(SHARES))
-    at = LEVELS.index(1.0)
-    levels = []
-    for k, share in enumerate(SHARES):
 
-        def log(i: int, share: float = share) -> float:
-            factor = bench.whitening.factor(LEVELS[i], share)
-            value, _, _ = problem.weigh(linear, factor, fitted.variances, rounds=3)
-            return value + level_prior(bench, LEVELS[i])
+    @cache
+    def log(share: int, level: int) -> float:
+        factor = bench.whitening.factor(LEVELS[level], SHARES[share])
+        value, _, _ = problem.weigh(linear, factor, fitted.variances, rounds=3)
+        return value + level_prior(bench, LEVELS[level])
 
-        logs[k], at = _climb(log, at)
-        levels.append(LEVELS[at])
-    best = int(np.argmax(logs))
-    level, factor = levels[best], bench.whitening.factor(levels[best], SHARES[best])
+    best, at = _FIRST_SHARE, LEVELS.index(1.0)
+    for _ in SHARES:
+        at = _climb(partial(log, best), at)
+        logs = np.array([log(share, at) for share in range(len(SHARES))])
+        if int(np.argmax(logs)) == best:
+            break
+        best = int(np.argmax(logs))
+    factor = bench.whitening.factor(LEVELS[at], SHARES[best])
     _, solution, top = problem.weigh(linear, factor, fitted.variances, rounds=3)
     remaining = problem.remaining(linear, solution, top)[: problem.rows.size]
-    left_deg = bench.whitening.beyond_noise(remaining, level)
+    left_deg = bench.whitening.beyond_noise(remaining, LEVELS[at])
     nats, size = _trend(bench, fitted, factor)
-    logs += _moving(bench, fitted.ids)
     return replace(
-        fitted, logs=logs, level=level, trend_nats=nats, trend_deg=size, left_deg=left_deg
+        fitted,
+        logs=logs + _moving(bench, fitted.ids),
+        level=LEVELS[at],
+        trend_nats=nats,
+        trend_deg=size,
+        left_deg=left_deg,
     )
 
 
@@ -283,19 +290,15 @@ def _trend(bench: Bench, fitted: Fitted, factor: Factor) -> tuple[float, float]:
     return more - less, float(np.sqrt(np.mean(moved**2)))
 
 
-def _climb(log: object, at: int) -> tuple[float, int]:
+def _climb(log: Callable[[int], float], at: int) -> int:
     """Go up from a place in `LEVELS` to the nearest top."""
-    assert callable(log)
-    best, start = float(log(at)), at
+    start = at
     for side in (1, -1):
-        while 0 <= at + side < len(LEVELS):
-            value = float(log(at + side))
-            if value <= best:
-                break
-            best, at = value, at + side
+        while 0 <= at + side < len(LEVELS) and log(at + side) > log(at):
+            at += side
         if at != start:
             break
-    return best, at
+    return at
 
 
 def without_others(angle: Fitted, ids: Ids) -> Floats:

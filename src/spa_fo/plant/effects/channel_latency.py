@@ -17,7 +17,7 @@ EFFECT = Effect(
         Parameter(
             *("window_share", "1", 0.0, 0.6, 0.0, 1.0),
             starts=(0.2,),
-            means="part of the delay that is smeared, as by an average",
+            means="spread of the delay, squared: 0 is a buffer, 1 a moving average",
         ),
     ),
     name="latency of the flex channel",
@@ -29,11 +29,15 @@ EFFECT = Effect(
 )
 
 
+_PARTS = 21  # of a window: as wide as a step's response is long, five leave a tenth of it
+
+
 def smeared(delay_s: float, window_share: float) -> Floats:
     """Delays whose mean is the channel's: a buffer has one, a moving average a spread of them."""
-    if window_share < 1e-3:
+    if window_share <= 0.0:
         return np.array([delay_s])
-    return delay_s * (1.0 + window_share * np.linspace(-0.8, 0.8, 5))
+    middles = (np.arange(_PARTS) + 0.5) / _PARTS
+    return np.asarray(delay_s * (1.0 + np.sqrt(window_share) * (2.0 * middles - 1.0)))
 
 
 @njit

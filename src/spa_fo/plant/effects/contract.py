@@ -22,6 +22,7 @@ _X = TABLE_I["design_1"].as_array()
 _STARTED_S = 1800.0
 _COARSEST = 2  # level of the longest steps that are halved, twice
 _SLOPE = 2e-3  # of what is plausible: by so much a parameter is moved for a slope
+_TINY, _SEEN = 1e-4, 0.2  # a search that came to 0 has to see the way back: as much of a slope
 _SEEN_DEG, _NOTHING_DEG = 0.01, 1e-6
 _NEUTRAL, _ALIKE, _FINER = 0.05, 0.1, 0.6  # shares, of what the effect does or of a difference
 _ROUGH = 0.01  # of what the effect does, which steps may miss
@@ -103,6 +104,15 @@ def _broken(effect: Effect) -> Iterator[str]:
         apart, steep = float(np.std(ahead - behind)), float(np.std(ahead + behind)) / 2.0
         if apart > _ALIKE * steep + _ALIKE * size:
             yield f"{parameter.name}: its slope is {steep:.2g} deg, {apart:.2g} apart to both sides"
+    for place, parameter in enumerate(effect.parameters):
+        if parameter.log or parameter.low != 0.0:
+            continue
+        at_end = np.where(np.arange(values.size) == place, 0.0, values)
+        small, large = (
+            float(np.std(_slope(effect, at_end, place, 1.0, share))) for share in (_TINY, _SLOPE)
+        )
+        if small < _SEEN * large and large > _ALIKE * size:
+            yield f"{parameter.name}: from 0 its slope is {small:.2g} deg, a little on {large:.2g}"
     coarse, halved = _differences(effect, values)
     if halved > _FINER * coarse + _ROUGH * size:
         yield f"halving the step does not converge: it moves by {coarse:.2g}, then {halved:.2g}"
@@ -129,12 +139,14 @@ def _vector(effect: Effect, values: Floats) -> Floats:
     return vector
 
 
-def _slope(effect: Effect, values: Floats, place: int, side: float) -> Floats:
+def _slope(
+    effect: Effect, values: Floats, place: int, side: float, share: float = _SLOPE
+) -> Floats:
     """Give what the log changes by, for a change of a parameter by as much as is plausible."""
     moved = values.copy()
-    moved[place] = _moved(effect.parameters[place], values[place], side * _SLOPE)
+    moved[place] = _moved(effect.parameters[place], values[place], side * share)
     here, there = (_logged(_chain(0), _vector(effect, each)) for each in (values, moved))
-    return (there - here) / (side * _SLOPE)
+    return (there - here) / (side * share)
 
 
 def _moved(parameter: Parameter, value: float, share: float) -> float:
