@@ -6,8 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from spa_fo.gap.claim.claimed import Claim
-from spa_fo.gap.claim.held_to import held_to
+from spa_fo.gap.claim.claimed import Claim, held_to
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 
 Ids = tuple[str, ...]
@@ -23,7 +22,7 @@ def answer(probabilities: dict[Ids, float], unknown: float) -> Verdict:
 
 
 def claims(closed: dict[Ids, float]) -> Claim:
-    return Claim(NOT_READ, {}, {}, closed, None)
+    return Claim({}, {}, closed, None)
 
 
 def test_a_cause_that_closes_the_gap_stands() -> None:

@@ -1,6 +1,6 @@
 """The sim-to-real gap: where it lies, what causes it, how far it shrinks, and when nobody knows."""
 
-from spa_fo.gap.diagnose import diagnose, diagnose_campaign, diagnose_files, write_files
+from spa_fo.gap.diagnose import diagnose, diagnose_campaign, write_files
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Shrink, Traces, Where, write_diagnosis
 
 __all__ = [
@@ -12,7 +12,6 @@ __all__ = [
     "Where",
     "diagnose",
     "diagnose_campaign",
-    "diagnose_files",
     "write_diagnosis",
     "write_files",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from spa_fo.plant import Model
 from spa_fo.plant.law import PLACES
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+Ids = tuple[str, ...]
 SCHEMA = "spa-fo/diagnosis/1"
 
 
@@ -70,7 +70,7 @@ class Cause:
         RMS of what repeats in its residual.
     """
 
-    set: tuple[str, ...]
+    set: Ids
     probability: float
     parameters: Mapping[str, Mapping[str, Mapping[str, Any]]]
     transfer_function: Mapping[str, float]
@@ -130,7 +130,7 @@ class LawFound:
     fraction_closed: float
     log_evidence: float
     resembles: tuple[Likeness, ...]
-    beside: tuple[str, ...]
+    beside: Ids
     over: Floats
     value: Floats
     low: Floats
@@ -150,16 +150,16 @@ class LawFound:
                 for each in self.resembles
             ],
             "log_evidence": self.log_evidence,
-            "beside": list(self.beside),
+            "beside": self.beside,
             "in_model": self.carried,
             "curve": {
                 "of": place.over,
                 "of_unit": place.over_unit,
                 "unit": place.unit,
-                "over": self.over.tolist(),
-                "value": self.value.tolist(),
-                "low": self.low.tolist(),
-                "high": self.high.tolist(),
+                "over": self.over,
+                "value": self.value,
+                "low": self.low,
+                "high": self.high,
             },
         }
 
@@ -178,7 +178,7 @@ class Step:
 
     do: str
     why: str
-    apart: tuple[tuple[str, ...], ...] = ()
+    apart: tuple[Ids, ...] = ()
 
     @property
     def text(self) -> str:
@@ -188,10 +188,9 @@ class Step:
 
 @dataclass(frozen=True)
 class Shrink:
-    """How far the gap closes on trials that took no part; contract §4.
+    """How far the gap closes on trials that took no part, deg; contract §4.
 
-    `ceiling_rmse_deg` is what a free-form correction reaches, without any physics; `protocol` is
-    the same on a whole experiment that took no part, the least like the others, where there is one.
+    `ceiling_rmse_deg` is what a free-form correction reaches, without any physics.
     """
 
     held_out_on: str
@@ -202,7 +201,6 @@ class Shrink:
     noise_floor_deg: float
     fraction_closed: float
     ci95: tuple[float, float]
-    protocol: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -216,10 +214,9 @@ class Traces:
     trial : (n,) array
         Index of the trial.
     time_s, command_kpa, measured_deg, plain_deg, explained_deg, refit_deg : (n,) arrays
-        Within the trial. `explained_deg` is the explanation's prediction from the command, the
-        plain model's where nothing is explained; `refit_deg` the plain model's identified again;
-        both, of a held-out trial, by a fit that had not seen it.
-        The command is NaN where none was logged.
+        Within the trial; the command is NaN where none was logged. `explained_deg` is the
+        explanation's prediction, the plain model's where nothing is explained; `refit_deg` the
+        plain model's identified again; both, of a held-out trial, by a fit that had not seen it.
     pressure_kpa, drive_kpa : (n,) arrays or None
         Measured, and as the explanation's drive makes it.
     held_out : (trials,) bool array
@@ -231,7 +228,7 @@ class Traces:
 
     experiment: tuple[str, ...]
     label: tuple[str, ...]
-    trial: Integers
+    trial: NDArray[np.int64]
     time_s: Floats
     command_kpa: Floats
     measured_deg: Floats
@@ -268,10 +265,8 @@ class Diagnosis:
         What would tell them apart, in words.
     held_out_on : str
         Which trials the causes' ``held_out_rmse_deg`` are of, in words.
-    offers, misses : tuple of str
-        What evidence the campaign holds, and what it lacks, in words.
-    findings : tuple of str
-        Why `unknown` was or was not said, and what else a reader should know, in words.
+    offers, misses, findings : tuple of str
+        What evidence the campaign holds, what it lacks, and what else a reader should know.
     baselines : mapping
         What simpler methods would have answered: name -> list of effects.
     traces : Traces
@@ -279,8 +274,7 @@ class Diagnosis:
     model : Model
         Augmented; the plain one where nothing is explained.
     next_steps : tuple of Step
-        What to do at the bench, most telling first, a few at most; see
-        `spa_fo.gap.plan.next_steps`.
+        What to do at the bench, most telling first; see `spa_fo.gap.plan.next_steps`.
     laws : tuple of LawFound
         Free-form laws where the cause is unknown, the most probable first.
     """
@@ -289,12 +283,12 @@ class Diagnosis:
     material: str
     provenance: str
     seed: int
-    excluded: tuple[str, ...]
+    excluded: Ids
     gap: Gap
     where: Where
     causes: tuple[Cause, ...]
     kind: str
-    sets: tuple[tuple[str, ...], ...]
+    sets: tuple[Ids, ...]
     next_experiment: str | None
     held_out_on: str
     shrink: Shrink | None
@@ -309,57 +303,46 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of diagnosis.json."""
-        shrink = self.shrink
-        return {
+        document = {
             "schema": SCHEMA,
             "campaign": self.campaign,
             "seed": self.seed,
             "provenance": self.provenance,
-            "excluded": list(self.excluded),
-            "gap": vars(self.gap),
-            "where": {
-                name: dict(shares) if isinstance(shares, Mapping) else shares
-                for name, shares in vars(self.where).items()
-            },
+            "excluded": self.excluded,
+            "gap": self.gap,
+            "where": self.where,
             "laws": [law.to_dict() for law in self.laws],
-            "causes": [
-                {
-                    "set": list(cause.set),
-                    "probability": cause.probability,
-                    "parameters": cause.parameters,
-                    "transfer_function": cause.transfer_function,
-                    "held_out_rmse_deg": cause.held_out_rmse_deg,
-                    "leftover_deg": cause.leftover_deg,
-                }
-                for cause in self.causes
-            ],
+            "causes": self.causes,
             "verdict": {
                 "kind": self.kind,
-                "sets": [list(ids) for ids in self.sets],
+                "sets": self.sets,
                 "next_experiment": self.next_experiment,
             },
-            "shrink": None if shrink is None else {**vars(shrink), "ci95": list(shrink.ci95)},
+            "shrink": self.shrink,
             "evidence": {
-                "offers": list(self.offers),
-                "misses": list(self.misses),
+                "offers": self.offers,
+                "misses": self.misses,
                 "held_out": bool(self.traces.held_out.any()),
                 "held_out_on": self.held_out_on,
             },
-            "next_steps": [
-                {"do": step.do, "why": step.why, "apart": [list(ids) for ids in step.apart]}
-                for step in self.next_steps
-            ],
-            "findings": list(self.findings),
-            "baselines": dict(self.baselines),
+            "next_steps": self.next_steps,
+            "findings": self.findings,
+            "baselines": self.baselines,
         }
+        return {key: _as_json(value) for key, value in document.items()}
+
+
+def _as_json(value: Any) -> Any:
+    """Turn dataclasses, tuples and arrays into what JSON holds."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value):
+        value = vars(value)
+    if isinstance(value, Mapping):
+        return {key: _as_json(item) for key, item in value.items()}
+    return [_as_json(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def write_diagnosis(path: Path | str, diagnosis: Diagnosis) -> None:
-    """Write diagnosis.json, whole or not at all.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be written.
-    """
+    """Write diagnosis.json, whole or not at all; `BadInput` where it cannot be written."""
     write_text(path, json.dumps(diagnosis.to_dict(), indent=2, allow_nan=False) + "\n")

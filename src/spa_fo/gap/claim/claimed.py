@@ -2,40 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
-from spa_fo.gap.claim.own_scatter import own_scatter
+from spa_fo.gap.claim.final import exact
 from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.floor import repeats
 from spa_fo.gap.data.hold_out import HeldOut, judged, rmse, shrink
-from spa_fo.gap.decide.explanation import Explanation, angle_part, explanation_of, simulate
-from spa_fo.gap.decide.verdict import Scored, Verdict
+from spa_fo.gap.data.searched import at_rate
+from spa_fo.gap.decide.examine import Examined
+from spa_fo.gap.decide.explanation import Explanation, simulate
+from spa_fo.gap.decide.verdict import Verdict, judge
 from spa_fo.gap.diagnosis import Shrink
-from spa_fo.gap.fit.bench import Bench
-from spa_fo.gap.search.drive import Drive, DriveFit
+from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE, Bench
+from spa_fo.gap.fit.problem import nuisance_scales
 from spa_fo.gap.search.explanations import Explanations
-from spa_fo.gap.search.fitted import Fitted, fit, without_others
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
+CLEARLY = 3.0
+"""Times what a reference misses, too: something has changed."""
+
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
+_RATE_STEP = 2e-3
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What is claimed, and on which trials.
+    """What is claimed of the trials that took no part.
 
     Attributes
     ----------
-    held : HeldOut
-        Trials that took no part in choosing or fitting.
     curves : dict
         Predictions at all averaged samples, deg: ``plain``, ``refit``, ``explained``, ``ceiling``.
     errors : dict
@@ -46,101 +52,65 @@ class Claim:
         How far the gap closes; None where nothing is explained.
     """
 
-    held: HeldOut
     curves: dict[str, Floats]
     errors: dict[Ids, float]
     closed: dict[Ids, float]
     shrink: Shrink | None
 
-
-def by_chance(ids: Ids) -> bool:
-    """Whether what a set does to a trial is the trial's own, so that nobody can foretell it."""
-    return any(at_port(port, ids) for port in ("zeros", "line"))
-
-
-def exact(scored: Scored, found: Explanations, drive: Drive | None, bench: Bench) -> Explanation:
-    """Fit just the effects that a set names, to the trials of a bench."""
-    pressed = None
-    if drive is not None:
-        ids = tuple(n for n in scored.named if LIBRARY[n].stage == "drive")
-        pressed = drive.fits.get(ids) if ids else None
-    ids = angle_part(scored.named, _own_drive(drive), scored.fast is not None)
-    known = found.fits.get(ids)
-    if known is not None and bench is found.bench:
-        return explanation_of(scored, known, pressed)
-    start = known.z if known is not None else without_others(scored.angle, ids)
-    return explanation_of(scored, fit(bench, ids, [start], found.plain), pressed)
+    def closes(self, named: Ids, least: float) -> bool:
+        """Say whether a set closes enough, or does what nobody can foretell of a trial."""
+        by_chance = any(at_port(port, named) for port in ("zeros", "line"))
+        return by_chance or self.closed.get(named, 0.0) >= least
 
 
-def _own_drive(drive: Drive | None) -> DriveFit | None:
-    return None if drive is None else drive.best
-
-
-def claim(
-    found: Explanations,
-    drive: Drive | None,
-    everything: Evidence,
-    held: HeldOut,
-    verdict: Verdict,
-    given: Floats,
-    floor_deg: float,
-    rng: np.random.Generator,
-) -> Claim:
+def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Claim:
     """Predict the trials that took no part, and measure how far the gap closes on them.
 
     Parameters
     ----------
-    found : Explanations
-        Fits of the angle to the other trials.
-    drive : Drive or None
-        Fits of the pressure to these.
-    everything : Evidence
-        The campaign with all its trials.
-    held : HeldOut
-        Trials that took no part.
+    examined : Examined
+        The campaign, with fits to the other trials.
     verdict : Verdict
         The answer.
-    given : (5,) array
-        Coefficients of the given model.
-    floor_deg : float
-        The noise floor.
     rng : numpy.random.Generator
         For the bootstrap over trials.
     """
+    everything, held, found = examined.everything, examined.held, examined.found
     leading = [s for s in verdict.scored if s.named][:_MOST]
     leading = [s for s in leading if s.named in verdict.sets or s.probability >= _LIKELY]
     where = judged(everything, held)
-    chain = angle_chain(everything, given, None)
-    curves = {"plain": chain.run(given, absent())[0]}
-    again = _identified_again(found)
-    curves["refit"] = angle_chain(everything, again.x, None).run(again.x, absent())[0]
-    errors: dict[Ids, float] = {(): rmse(everything, curves["plain"], where)}
-    fits = each(lambda s: exact(s, found, drive, found.bench), leading)
-    predicted = {s.named: simulate(e, everything) for s, e in zip(leading, fits, strict=True)}
-    closed = {}
-    for named, curve in predicted.items():
-        errors[named] = rmse(everything, curve, where)
-        closed[named] = 1.0 - (errors[named] / max(errors[()], 1e-12)) ** 2
+    given, again = examined.given, _identified_again(found)
+    plain = angle_chain(everything, given, None).run(given, absent())[0]
+    refit = angle_chain(everything, again, None).run(again, absent())[0]
+    fits = each(lambda s: exact(s, examined), leading)
+    fitted = {s.named: fit for s, fit in zip(leading, fits, strict=True)}
+    predicted = {named: simulate(fit, everything) for named, fit in fitted.items()}
     first = verdict.sets[0] if verdict.sets else ()
-    curves["explained"] = predicted.get(first, curves["plain"])
-    curves["ceiling"] = curves["refit"] + _repeating(everything, held, curves["refit"])
+    curves = {
+        "plain": plain,
+        "refit": refit,
+        "explained": predicted.get(first, plain),
+        "ceiling": refit + _repeating(everything, held, refit),
+    }
+    errors = {named: rmse(everything, curve, where) for named, curve in predicted.items()}
+    errors[()] = rmse(everything, plain, where)
+    closed = {named: 1.0 - (errors[named] / max(errors[()], 1e-12)) ** 2 for named in predicted}
     made = None
     if first:
-        chosen = next(e for s, e in zip(leading, fits, strict=True) if s.named == first)
         left_deg = verdict.of(first).left_deg
-        scatter = own_scatter(found.bench, chosen, everything, where, curves, left_deg)
+        scatter = own_scatter(found.bench, fitted[first], everything, where, curves, left_deg)
         if not found.bench.noise.spectrum.repeats:
-            scatter = max(scatter, floor_deg)  # nothing tells what is left from noise
+            scatter = max(scatter, examined.floor_deg)  # nothing tells what is left from noise
         made = shrink(everything, held, curves, scatter, rng)
-    return Claim(held, curves, errors, closed, made)
+    return Claim(curves, errors, closed, made)
 
 
-def _identified_again(found: Explanations) -> Fitted:
-    """Return the plain model identified again, which any cause has to beat."""
+def _identified_again(found: Explanations) -> Floats:
+    """Coefficients of the plain model identified again, which any cause has to beat."""
     name = at_port("coefficients")
     if found.bench.own or name is None:
-        return found.plain
-    return found.fits[(name,)]
+        return found.plain.x
+    return found.fits[(name,)].x
 
 
 def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
@@ -151,14 +121,115 @@ def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
     for repeated in repeats(everything, left, ~held.trials):
         seen = np.isfinite(repeated.values)
         mean = np.where(seen, repeated.values, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
-        time = grid.time_s[repeated.rows]
-        number = everything.alike[grid.sample_trial[repeated.rows[0]]]
-        for trial in np.flatnonzero(everything.alike == number):
+        first = grid.sample_trial[repeated.rows[0]]
+        for trial in np.flatnonzero(everything.alike == everything.alike[first]):
             rows = everything.rows[trial]
-            out[rows] = np.interp(grid.time_s[rows], time, mean)
+            out[rows] = np.interp(grid.time_s[rows], grid.time_s[repeated.rows], mean)
     return out
 
 
-def closes(claimed: Claim, named: Ids, least: float) -> bool:
-    """Say whether a set closes enough of the gap on the held-out trials."""
-    return by_chance(named) or claimed.closed.get(named, 0.0) >= least
+def own_scatter(
+    bench: Bench,
+    chosen: Explanation,
+    everything: Evidence,
+    where: NDArray[np.bool_],
+    curves: Mapping[str, Floats],
+    left_deg: float,
+) -> float:
+    """Estimate the RMS of noise and scatter in some trials beside an explanation, deg.
+
+    A few trials scatter more or less than trials do on average, and what they happen to differ by
+    is neither left of the gap nor closed. Each has its gain, rest angle and time scale, of which is
+    known how much trials differ: what they are worth, given the prediction's error and beside what
+    it misses, is the scatter; noise is what the bench has. What a slip or an interference makes of
+    trials is no scatter.
+
+    Parameters
+    ----------
+    bench : Bench
+        Noise and scatter.
+    chosen : Explanation
+        What predicts the trials.
+    everything : Evidence
+        The campaign with all its trials.
+    where : (n,) bool array
+        Averaged samples of the trials.
+    curves : mapping of str to (n,) arrays
+        At all averaged samples: ``plain``, of the plain model, and ``explained``, the prediction.
+    left_deg : float
+        RMS by which the explanation misses the trials that it was fitted to.
+    """
+    grid = everything.grid
+    trials = np.isin(np.arange(len(grid.trials)), grid.sample_trial[where])
+    explained, plain = curves["explained"], curves["plain"]
+    judging = bench.without(~trials).with_gap(grid.angle_deg - plain, plain)
+    there, rows = judging.whitening, judging.whitening.rows
+    quick = simulate(chosen, everything, given=at_rate(chosen.x, 1.0 + _RATE_STEP))
+    moved = [explained, np.ones_like(explained), (quick - explained) / _RATE_STEP]
+    shapes = rows.merged(np.column_stack(moved))
+    factor = there.factor(1.0, left_deg / max(bench.gap_deg, 1e-9))
+    white_left = there.white(factor, rows.merged(grid.angle_deg - explained))
+    slips = at_port("zeros", chosen.ids) is not None
+    own = nuisance_scales(bench, slips)[[GAIN, REST, TIME_SCALE]]
+    squares = counts = 0.0
+    for group in rows.groups:
+        for trial in np.unique(group.trial):
+            here = np.arange(group.rows.start, group.rows.stop)[group.trial == trial]
+            only = np.zeros_like(shapes)
+            only[here] = shapes[here]
+            white = there.white(factor, only)
+            precision = cho_factor(white.T @ white + np.diag(own**-2.0))
+            mean = cho_solve(precision, white.T @ white_left)
+            spread = cho_solve(precision, np.eye(own.size))
+            scattered = (shapes[here] @ mean) ** 2
+            scattered += np.einsum("ij,jk,ik->i", shapes[here], spread, shapes[here])
+            weight = group.count[group.trial == trial]
+            squares += float(weight @ scattered)
+            counts += float(weight.sum())
+    spectrum, noise = bench.noise.spectrum, everything.noise_deg**2
+    if chosen.line is not None:
+        # A fast interference is no white noise, and hardly shows in averages over many samples.
+        noise = min(noise, spectrum.white)
+    return float(np.sqrt(squares / counts + noise + spectrum.coloured.sum()))
+
+
+def held_to(verdict: Verdict, claimed: Claim, closing: float = SETTINGS.closes) -> Verdict:
+    """Take sets that close less than `closing` of the gap on held-out trials out of an answer.
+
+    What they were probable by goes to an unknown cause.
+    """
+    if not verdict.sets:
+        return verdict
+    useless = {named for named in claimed.closed if not claimed.closes(named, closing)}
+    lost = sum(s.probability for s in verdict.scored if s.named in useless)
+    scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
+    scored.sort(key=lambda s: -s.probability)
+    again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
+    sets = tuple(n for n in again.sets if n in verdict.sets)
+    if "unknown" in (verdict.kind, again.kind) or not sets:
+        # What is no answer is said for what it explains elsewhere, also where chance is in it.
+        sets = tuple(n for n in sets if claimed.closed.get(n, 0.0) >= SETTINGS.worth)
+        return replace(again, kind="unknown", sets=sets)
+    sets = tuple(n for n in sets if claimed.closes(n, closing))
+    if not sets:
+        return replace(again, kind="unknown", sets=())
+    return replace(again, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
+
+
+def beyond_expected(verdict: Verdict, size: float) -> Verdict:
+    """Hold an answer against the size of the gap, over that of what a reference misses, too.
+
+    `size` is the RMS of the gap, in units of what a law learned from a reference misses of other
+    trials.
+    """
+    if size <= 1.0:
+        if any(LIBRARY[name].stage == "drive" for named in verdict.sets for name in named):
+            return verdict  # which the pressure shows
+        scored = [replace(s, probability=0.0 if s.named else 1.0) for s in verdict.scored]
+        scored.sort(key=lambda s: -s.probability)
+        return judge(scored, 0.0, verdict.unknown_drive)
+    if verdict.kind == "no_gap" and size > CLEARLY:
+        # No noise of the reference is as large.
+        scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
+        return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+    return verdict

@@ -8,53 +8,48 @@ from dataclasses import replace
 import numpy as np
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.claim.claimed import exact
-from spa_fo.gap.data.evidence import Evidence
-from spa_fo.gap.data.hold_out import HeldOut
-from spa_fo.gap.decide.explanation import Explanation, augmented_model, explanation_of
+from spa_fo.gap.decide.examine import Examined
+from spa_fo.gap.decide.explanation import (
+    Explanation,
+    angle_part,
+    augmented_model,
+    explanation_of,
+)
 from spa_fo.gap.decide.verdict import Scored
 from spa_fo.gap.diagnosis import LawFound
 from spa_fo.gap.fit.bench import Bench
-from spa_fo.gap.places.missing import law_of_all
-from spa_fo.gap.search.drive import Drive
-from spa_fo.gap.search.explanations import Explanations
+from spa_fo.gap.places.laws import law_at
+from spa_fo.gap.search.fitted import fit, without_others
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import ending_memory
-from spa_fo.plant.law import Law
+from spa_fo.plant.effects.library import LIBRARY
 
 
-def on_all_trials(
-    scored: Scored,
-    found: Explanations,
-    drive: Drive | None,
-    everything: Evidence,
-    held: HeldOut,
-) -> Explanation:
-    """Fit a set once more, to all trials."""
-    known = exact(scored, found, drive, found.bench)
-    if not held.trials.any():
+def exact(scored: Scored, examined: Examined, bench: Bench | None = None) -> Explanation:
+    """Fit just the effects that a set names, to the trials of a bench or those that took part."""
+    found, drive = examined.found, examined.drive
+    own = pressed = None
+    if drive is not None:
+        ids = tuple(n for n in scored.named if LIBRARY[n].stage == "drive")
+        own, pressed = drive.best, drive.fits.get(ids) if ids else None
+    ids = angle_part(scored.named, own, scored.fast is not None)
+    known = found.fits.get(ids)
+    if known is None or bench is not None:
+        start = without_others(scored.angle, ids) if known is None else known.z
+        known = fit(bench or found.bench, ids, [start], found.plain)
+    return explanation_of(scored, known, pressed)
+
+
+def on_all_trials(scored: Scored, examined: Examined) -> Explanation:
+    """Fit a set once more, to all trials; its drive stays as it is."""
+    known = exact(scored, examined)
+    if not examined.held.trials.any():
         return known
-    bench = bench_of_all(found, everything, held)
-    again = exact(replace(scored, angle=known.angle), found, drive, bench)
-    return explanation_of(scored, again.angle, known.drive)
-
-
-def bench_of_all(found: Explanations, everything: Evidence, held: HeldOut) -> Bench:
-    """Make all trials ready."""
-    if not held.trials.any():
-        return found.bench
-    bench = found.bench.without(np.zeros_like(held.trials))
-    y = found.plain.predicted_deg
-    return bench.with_gap(everything.grid.angle_deg - y, y)
+    return exact(replace(scored, angle=known.angle), examined, _bench_of_all(examined))
 
 
 def model_of(
-    known: Explanation | None,
-    law: LawFound | None,
-    found: Explanations,
-    everything: Evidence,
-    held: HeldOut,
-    plain: Model,
+    known: Explanation | None, law: LawFound | None, examined: Examined, plain: Model
 ) -> Model:
     """Write what is known, and a law that is worth it, as a model that `predict` runs.
 
@@ -64,24 +59,34 @@ def model_of(
         The part that has a name, fitted to all trials.
     law : LawFound or None
         A law that the model is to carry.
-    found, everything, held
-        The fits, the campaign, and its trials that took no part.
+    examined : Examined
+        The campaign.
     plain : Model
         What is returned where there is neither.
     """
     if law is not None:
-        bench = bench_of_all(found, everything, held)
+        beside = known or Explanation((), examined.found.plain, None, None)
         with suppress(ValueError, BadInput):  # too steep for the steps that a prediction takes
-            beside, fit = law_of_all(bench, known or Explanation((), found.plain, None, None), law)
-            return _written(augmented_model(beside, everything, plain), everything, fit.law)
+            again = law_at(_bench_of_all(examined), beside.angle, law.place)
+            model = augmented_model(replace(beside, angle=again.beside), examined.everything, plain)
+            model = replace(model, effects=(*model.effects, again.law.to_effect()))
+            return _remembering(model, examined)
     if known is None:
         return plain
-    return _written(augmented_model(known, everything, plain), everything)
+    return _remembering(augmented_model(known, examined.everything, plain), examined)
 
 
-def _written(model: Model, everything: Evidence, law: Law | None = None) -> Model:
-    """Let a model carry a law, and what the specimen remembers at the end."""
-    if law is not None:
-        model = replace(model, effects=(*model.effects, law.to_effect()))
-    memory = ending_memory(model, everything.data)
+def _bench_of_all(examined: Examined) -> Bench:
+    """Make all trials ready."""
+    found, trials = examined.found, examined.held.trials
+    if not trials.any():
+        return found.bench
+    y = found.plain.predicted_deg
+    gap = examined.everything.grid.angle_deg - y
+    return found.bench.without(np.zeros_like(trials)).with_gap(gap, y)
+
+
+def _remembering(model: Model, examined: Examined) -> Model:
+    """Let a model say what the specimen remembers at the end."""
+    memory = ending_memory(model, examined.everything.data)
     return replace(model, extra={**model.extra, "memory": memory})
