@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from spa_fo.atomic import write_text
 from spa_fo.blas import one_blas_thread
 from spa_fo.errors import BadInput
 from spa_fo.gap.answer.causes import causes_of, p_value, smallest_bic, stages, traces_of
@@ -19,7 +21,7 @@ from spa_fo.gap.data.hold_out import rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
 from spa_fo.gap.decide.explanation import Explanation
 from spa_fo.gap.decide.verdict import Verdict
-from spa_fo.gap.diagnosis import Diagnosis, Gap, Where, write_diagnosis
+from spa_fo.gap.diagnosis import Diagnosis, Gap, Where
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.places.missing import Missing, find_missing, law_finding
 from spa_fo.gap.plan.next_steps import in_words, next_steps
@@ -43,21 +45,9 @@ def diagnose_campaign(
     seed: int = 1,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Diagnose a campaign folder.
+    """Diagnose a campaign folder by files; `BadInput` where something is wrong with them.
 
-    Parameters
-    ----------
-    folder, model_path : Path or str
-        The campaign, and the plain model.
-    out : Path or str, optional
-        Folder that gets the files of `write_files`; nothing is written where it is not given.
-    exclude, seed, progress
-        See `diagnose`.
-
-    Raises
-    ------
-    BadInput
-        Something is wrong with the campaign, the model, or an effect's name.
+    For the parameters see `diagnose` and, where `out` is given, `write_files`.
     """
     plain = read_model(model_path)
     use_effects_of(folder)
@@ -70,13 +60,10 @@ def diagnose_campaign(
 
 
 def check_request(plain: Model, exclude: Sequence[str], source: Path | str = "model") -> None:
-    """Refuse what `diagnose` cannot work with.
+    """Refuse, with `BadInput`, what `diagnose` cannot work with.
 
-    Raises
-    ------
-    BadInput
-        The model is not plain (`source` names it) or bends the wrong way, or the library has no
-        such effect.
+    The model is not plain (`source` names it) or bends the wrong way, or the library lacks an
+    effect that is to be excluded.
     """
     if plain.effects:
         raise BadInput(source, "holds effects; expected a plain model", "effects")
@@ -93,15 +80,13 @@ def check_effects(exclude: Sequence[str]) -> None:
 
 
 def write_files(diagnosis: Diagnosis, out: Path | str) -> None:
-    """Write augmented_model.json and diagnosis.json to the folder `out`, made where missing.
+    """Write augmented_model.json and diagnosis.json to a folder, made where missing.
 
-    Raises
-    ------
-    BadInput
-        A file cannot be written.
+    Each is written whole or not at all; `BadInput` where it cannot be.
     """
+    text = json.dumps(diagnosis.to_dict(), indent=2, allow_nan=False) + "\n"
     write_model(Path(out) / "augmented_model.json", diagnosis.model)
-    write_diagnosis(Path(out) / "diagnosis.json", diagnosis)
+    write_text(Path(out) / "diagnosis.json", text)
 
 
 @one_blas_thread
@@ -139,12 +124,11 @@ def diagnose(
         further = _answered(data, plain, excluded, seed, progress, beyond, answer[0])
         answer = max(answer, further, key=_explains)
     examined, claimed, verdict = answer
-    everything, held, floor = examined.everything, examined.held, examined.floor_deg
-    nominal, noise, curves = examined.nominal, examined.found.bench.noise, claimed.curves
+    everything, floor, nominal = examined.everything, examined.floor_deg, examined.nominal
+    noise, curves, measured = examined.found.bench.noise, claimed.curves, everything.grid.angle_deg
     repeated = noise.spectrum.repeats > 0
-    explained = bool(verdict.sets)
     final = None
-    if explained:
+    if verdict.sets:
         progress("fitting the explanation once more, to all trials")
         final = on_all_trials(verdict.of(verdict.sets[0]), examined)
     missing = _missing(examined, verdict, claimed, progress)
@@ -156,8 +140,7 @@ def diagnose(
     progress("looking for the experiment that would decide")
     steps = next_steps(verdict.kind, verdict.sets, causes, everything, floor)
     stage, not_known = stages(examined, verdict, curves["plain"])
-    everywhere = np.ones(everything.grid.angle_deg.size, dtype=bool)
-    located = shares(everything, everything.grid.angle_deg - curves["plain"], curves["plain"])
+    located = shares(everything, measured - curves["plain"], curves["plain"])
     return Diagnosis(
         campaign=data.campaign.name,
         material=data.campaign.material,
@@ -165,7 +148,7 @@ def diagnose(
         seed=seed,
         excluded=tuple(name for name in examined.excluded if name not in kept),
         gap=Gap(
-            rmse_deg=rmse(everything, curves["plain"], everywhere),
+            rmse_deg=rmse(everything, curves["plain"], np.ones(measured.size, dtype=bool)),
             noise_floor_deg=floor,
             significant=verdict.kind != "no_gap",
             p_value=p_value(verdict),
@@ -176,21 +159,19 @@ def diagnose(
         kind=verdict.kind,
         sets=verdict.sets,
         next_experiment=in_words(steps) if verdict.kind in ("ambiguous", "unknown") else None,
-        held_out_on=held.text,
-        shrink=claimed.shrink if explained else None,
+        held_out_on=examined.held.text,
+        shrink=claimed.shrink,
         offers=offers(everything),
         misses=misses(everything, commanded=nominal is not None),
         findings=(
             *findings(verdict, examined.found.bench.own, repeated, floor),
             *law_finding(missing, examined),
             *(() if nominal is None else nominal.sentences(examined.drive is not None)),
-            *drive_finding(examined.drive, everything, held),
+            *drive_finding(examined.drive, everything, examined.held),
             *filter(None, [noise.sentence()]),
         ),
         baselines={"smallest_bic": smallest_bic(examined), "commonest": [COMMONEST]},
-        traces=traces_of(
-            examined, curves if explained else {**curves, "explained": curves["plain"]}, final
-        ),
+        traces=traces_of(examined, curves, final),
         model=model,
         next_steps=steps,
         laws=tuple(replace(law, carried=law.place in carried) for law in missing.laws),

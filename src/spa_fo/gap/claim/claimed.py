@@ -16,7 +16,7 @@ from spa_fo.gap.data.hold_out import HeldOut, judged, rmse, shrink
 from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import Explanation, simulate
-from spa_fo.gap.decide.verdict import Verdict, judge
+from spa_fo.gap.decide.verdict import Kind, Verdict, judge
 from spa_fo.gap.diagnosis import Shrink
 from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE, Bench
 from spa_fo.gap.fit.problem import nuisance_scales
@@ -40,22 +40,14 @@ _RATE_STEP = 2e-3
 class Claim:
     """What is claimed of the trials that took no part.
 
-    Attributes
-    ----------
-    curves : dict
-        Predictions at all averaged samples, deg: ``plain``, ``refit``, ``explained``, ``ceiling``.
-    errors : dict
-        RMS error of the leading explanations on those trials, deg; of the plain model under ``()``.
-    closed : dict
-        What each leading explanation closes of the gap there.
-    shrink : Shrink or None
-        How far the gap closes; None where nothing is explained.
+    `curves` holds predictions at all averaged samples, deg: ``plain``, ``refit``, ``explained``,
+    and ``ceiling``, a correction without any physics.
     """
 
     curves: dict[str, Floats]
-    errors: dict[Ids, float]
-    closed: dict[Ids, float]
-    shrink: Shrink | None
+    errors: dict[Ids, float]  # RMS of the leading explanations, deg; of the plain model under ()
+    closed: dict[Ids, float]  # what each leading explanation closes of the gap
+    shrink: Shrink | None  # None where nothing is explained
 
     def closes(self, named: Ids, least: float) -> bool:
         """Say whether a set closes enough, or does what nobody can foretell of a trial."""
@@ -205,15 +197,15 @@ def held_to(verdict: Verdict, claimed: Claim, closing: float = SETTINGS.closes) 
     scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
     scored.sort(key=lambda s: -s.probability)
     again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
-    sets = tuple(n for n in again.sets if n in verdict.sets)
-    if "unknown" in (verdict.kind, again.kind) or not sets:
+    unknown = "unknown" in (verdict.kind, again.kind)
+    sets = [named for named in again.sets if named in verdict.sets]
+    if unknown:
         # What is no answer is said for what it explains elsewhere, also where chance is in it.
-        sets = tuple(n for n in sets if claimed.closed.get(n, 0.0) >= SETTINGS.worth)
-        return replace(again, kind="unknown", sets=sets)
-    sets = tuple(n for n in sets if claimed.closes(n, closing))
-    if not sets:
-        return replace(again, kind="unknown", sets=())
-    return replace(again, kind="cause" if len(sets) == 1 else "ambiguous", sets=sets)
+        sets = [named for named in sets if claimed.closed.get(named, 0.0) >= SETTINGS.worth]
+    else:
+        sets = [named for named in sets if claimed.closes(named, closing)]
+    kind: Kind = "ambiguous" if len(sets) > 1 else "cause"
+    return replace(again, kind="unknown" if unknown or not sets else kind, sets=tuple(sets))
 
 
 def beyond_expected(verdict: Verdict, size: float) -> Verdict:

@@ -32,33 +32,20 @@ _FINE = 60  # points that a curve is drawn with
 
 @dataclass(frozen=True)
 class Basis:
-    """A law before it is fitted: its values are `shape` times standard normal numbers.
+    """A law before it is fitted: its values at `knots` are `shape` times standard normal numbers.
 
-    Attributes
-    ----------
-    place : str
-        Where it sits.
-    knots : (k,) array
-        Where its values are.
-    shape : (k, m) array
-        Scaled so that beforehand the law is 1 in size, RMS over what was visited.
-    low, high : float
-        What was visited.
-    line, taken : (k,) arrays
-        What gain and coefficients do there, a line or over the trials a constant, and the mean
-        that says how much of it is in values at the knots.
-    keeps_line : bool
-        Whether the law may be straight.
+    `line`, (k,), is what gain and coefficients do there: straight, or over the trials a constant.
+    `taken`, (k,), is the mean that says how much of it is in values at the knots.
     """
 
     place: str
-    knots: Floats
-    shape: Floats
-    low: float
+    knots: Floats  # (k,)
+    shape: Floats  # (k, m); beforehand the law is 1 in size, RMS over what was visited
+    low: float  # what was visited
     high: float
     line: Floats
     taken: Floats
-    keeps_line: bool = False
+    keeps_line: bool = False  # whether the law may be straight
 
     @property
     def is_odd(self) -> bool:

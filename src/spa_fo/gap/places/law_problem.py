@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.fit.least_squares import Linear
-from spa_fo.gap.fit.mixed import Solution
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.places.law_basis import Basis
@@ -30,21 +29,10 @@ _STEP = 0.02  # of what a law is beforehand, for a slope
 
 
 class LawProblem(AngleProblem):
-    """An explanation of a campaign with a law about some coefficients.
+    """An explanation with a law about coefficients `e`, (m,), which are `scale` beforehand.
 
-    Parameters
-    ----------
-    bench : Bench
-        The campaign.
-    base : Fitted
-        Named effects beside the law; a law of the reading holds of later calibrations too where
-        they have `changed`.
-    basis : Basis
-        The law's.
-    e : (m,) array
-        Its coefficients.
-    scale : float
-        Their size beforehand.
+    A law of the reading holds of later calibrations too where `base`, the named effects beside it,
+    has `changed`.
     """
 
     def __init__(self, bench: Bench, base: Fitted, basis: Basis, e: Floats, scale: float) -> None:
@@ -79,31 +67,15 @@ class LawProblem(AngleProblem):
 
 @dataclass(frozen=True)
 class LawFit:
-    """A law fitted beside what is known.
-
-    Attributes
-    ----------
-    basis : Basis
-        Its place, knots and shapes.
-    e, covariance : (m,), (m, m) arrays
-        Its coefficients.
-    beside : Fitted
-        What is known, as it stands beside the law: `z`, `effects` and `predicted_deg`.
-    logs : array
-        Log evidence by factor.
-    probability : float
-        Of its place, all places and no law at all together 1.
-    nats : float
-        Log evidence against no law.
-    """
+    """A law fitted beside what is known."""
 
     basis: Basis
-    e: Floats
-    covariance: Floats
-    beside: Fitted
-    logs: Floats
-    probability: float = 1.0
-    nats: float = 0.0
+    e: Floats  # (m,), its coefficients
+    covariance: Floats  # (m, m)
+    beside: Fitted  # what is known, as it stands beside the law: `z`, `effects`, `predicted_deg`
+    logs: Floats  # log evidence by factor
+    probability: float = 1.0  # of its place, all places and no law at all together 1
+    nats: float = 0.0  # log evidence against no law
 
     @property
     def law(self) -> Law:
@@ -112,68 +84,41 @@ class LawFit:
 
 
 def fit_law(
-    bench: Bench, base: Fitted, basis: Basis, factors: Sequence[Factor], rounds: int = 4
-) -> LawFit:
-    """Fit a law with all that stands beside it, by Gauss and Newton.
-
-    Parameters
-    ----------
-    bench : Bench
-        The campaign.
-    base : Fitted
-        Where what stands beside it begins, with the nuisances' variances.
-    basis : Basis
-        The law's.
-    factors : sequence of Factor
-        The first is that of the fit, the evidence is given for all.
-    rounds : int
-        How often the problem is made linear; once is a screening.
-
-    Raises
-    ------
-    ValueError
-        The law is too steep for any motion.
-    """
-    scale, e = _scale(bench, base, basis), np.zeros(basis.size)
-    while True:
-        problem, linear, z, solution = _settled(bench, base, basis, e, scale, factors[0], rounds)
-        e = solution.coefficients[-basis.size :]
-        if basis.place != "relaxation" or basis.size == 1 or e.min() >= 0.0:
-            break
-        # An actuator does not push by itself: what is negative leaves the spectrum.
-        worst = int(np.argmin(e))
-        basis, e = basis.without(worst), np.maximum(np.delete(e, worst), 0.0)
-    variances = solution.variances
-    weighed = [problem.weigh(linear, factor, variances, rounds=3)[0] for factor in factors]
-    predicted = problem.predict(linear.z)[0]
-    return LawFit(
-        basis=basis,
-        e=e,
-        covariance=solution.covariance()[-basis.size :, -basis.size :],
-        beside=replace(base, z=z, effects=problem.effects(z), predicted_deg=predicted),
-        logs=np.array(weighed),
-    )
-
-
-def _settled(
     bench: Bench,
     base: Fitted,
     basis: Basis,
-    e: Floats,
-    scale: float,
-    factor: Factor,
-    rounds: int,
-) -> tuple[LawProblem, Linear, Floats, Solution]:
-    """Go on to where the linear problem's top is the point itself; `e` is where the law begins."""
+    factors: Sequence[Factor],
+    rounds: int = 4,
+    begin: tuple[float, Floats] | None = None,
+) -> LawFit:
+    """Fit a law with all that stands beside it, by Gauss and Newton.
+
+    What stands beside it begins at `base`, the law at `begin`, its scale and coefficients. The
+    first factor is that of the fit, the evidence is given for all. The problem is made linear
+    `rounds` times; once is a screening. `ValueError` where the law is too steep for any motion.
+    """
+    scale, e = begin or (_scale(bench, base, basis), np.zeros(basis.size))
     z, variances = base.z, np.append(base.variances, scale**2)
     good = np.zeros_like(e), z
     for _ in range(rounds):
         problem, linear = _linear(bench, base, basis, scale, (e, z), good)
-        _, solution, top = problem.weigh(linear, factor, variances)
+        _, solution, top = problem.weigh(linear, factors[0], variances)
         good = problem.e, linear.z
         z, e = np.clip(top, problem.low, problem.high), solution.coefficients[-basis.size :]
         variances = solution.variances
-    return problem, linear, z, solution
+    if basis.place == "relaxation" and basis.size > 1 and e.min() < 0.0:
+        # An actuator does not push by itself: what is negative leaves the spectrum.
+        worst = int(np.argmin(e))
+        begin = scale, np.maximum(np.delete(e, worst), 0.0)
+        return fit_law(bench, base, basis.without(worst), factors, rounds, begin)
+    predicted, effects = problem.predict(linear.z)[0], problem.effects(z)
+    return LawFit(
+        basis=basis,
+        e=e,
+        covariance=solution.covariance()[-basis.size :, -basis.size :],
+        beside=replace(base, z=z, effects=effects, predicted_deg=predicted),
+        logs=np.array([problem.weigh(linear, f, variances, rounds=3)[0] for f in factors]),
+    )
 
 
 def _linear(

@@ -47,34 +47,27 @@ _MOST_ALIKE = 0.99  # correlation of neighbouring samples
 
 
 def place_laws(bench: Bench, base: Fitted) -> list[LawFit]:
-    """Fit a law at every place but the drive's beside an explanation, the most probable first.
-
-    Parameters
-    ----------
-    bench : Bench
-        The campaign; trials that judge take no part in it.
-    base : Fitted
-        What is known: the plain model, or the part that has a name.
-    """
+    """Fit a law at every place but the drive's beside what is known, the most probable first."""
     factors = [bench.whitening.factor(base.level, s) for s in (SETTINGS.search_share, *SHARES)]
     without = _without_law(bench, base, factors)
     screened = []
     for basis, start in _candidates(bench, base):
         with suppress(ValueError):  # too steep for any motion: there is no such law
             screened.append(fit_law(bench, start, basis, factors, rounds=1))
-    screened.sort(key=_score, reverse=True)
+    screened.sort(key=lambda fit: -_score(fit.logs))
     for k, fit in enumerate(screened[:_FITTED]):
         start = replace(base, changed=fit.beside.changed)
         with suppress(ValueError):  # what lies beyond the screening is too steep
             screened[k] = fit_law(bench, start, fit.basis, factors)
     # Of the variants of one place the best stands.
-    fits = list({fit.basis.place: fit for fit in sorted(screened, key=_score)}.values())
-    scores = np.array([_score_of(without), *map(_score, fits)])
+    screened.sort(key=lambda fit: _score(fit.logs))
+    fits = list({fit.basis.place: fit for fit in screened}.values())
+    scores = np.array([_score(without), *(_score(fit.logs) for fit in fits)])
     probability = np.exp(scores - logsumexp(scores))[1:]
     placed = [
         replace(fit, probability=share, nats=float(fit.logs[1:].max() - without[1:].max()))
-        for fit, share in zip(fits, probability.tolist(), strict=True)
-        if share >= SETTINGS.least and _score(fit) > scores[0]
+        for fit, share, score in zip(fits, probability.tolist(), scores[1:], strict=True)
+        if share >= SETTINGS.least and score > scores[0]
     ]
     return sorted(placed, key=lambda fit: -fit.probability)
 
@@ -131,11 +124,7 @@ def _without_law(bench: Bench, base: Fitted, factors: Sequence[Factor]) -> Float
     return np.array([problem.weigh(linear, f, base.variances, rounds=3)[0] for f in factors])
 
 
-def _score(fit: LawFit) -> float:
-    return _score_of(fit.logs)
-
-
-def _score_of(logs: Floats) -> float:
+def _score(logs: Floats) -> float:
     """How a law stands: its evidence where it misses a share, and what missing that costs."""
     costs = np.array(SHARES) / SETTINGS.right_share
     return float(np.max(SETTINGS.temper * logs[1:] - costs))

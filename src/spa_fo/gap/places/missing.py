@@ -31,19 +31,12 @@ _TWO_SIGMA = 1.96
 class Missing:
     """Laws beside what is known.
 
-    Attributes
-    ----------
-    laws : tuple of LawFound
-        The most probable first.
-    known : tuple of str
-        What has a name.
-    known_closed : float
-        Share of the gap that closes on the held-out trials without any law: with what has a name,
-        or with the plain model identified again.
+    `known_closed` is the share of the gap that closes on the held-out trials without any law: with
+    what has a name, or with the plain model identified again.
     """
 
-    laws: tuple[LawFound, ...] = ()
-    known: Ids = ()
+    laws: tuple[LawFound, ...] = ()  # the most probable first
+    known: Ids = ()  # what has a name
     known_closed: float = 0.0
 
     @property
@@ -63,7 +56,7 @@ class Missing:
 def find_missing(
     examined: Examined, known: Explanation, curves: Mapping[str, Floats], unknown_drive: float
 ) -> Missing:
-    """Fit free-form laws beside what is known, and hold them against the other trials.
+    """Fit free-form laws beside what is known, and hold them against the held-out trials.
 
     Parameters
     ----------
@@ -72,8 +65,8 @@ def find_missing(
     known : Explanation
         The part that has a name; the plain model where none has.
     curves : mapping of str to (n,) arrays
-        What the plain model predicts for all trials, as given, ``plain``, and identified again,
-        ``refit``.
+        Predictions for all samples, deg, by the plain model as given, ``plain``, and identified
+        again, ``refit``.
     unknown_drive : float
         Probability that what is unknown is the drive's.
     """
