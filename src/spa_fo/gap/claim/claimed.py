@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from spa_fo.gap.claim.final import exact
 from spa_fo.gap.data.evidence import Evidence, angle_chain
@@ -58,14 +57,7 @@ class Claim:
 def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Claim:
     """Predict the trials that took no part, and measure how far the gap closes on them.
 
-    Parameters
-    ----------
-    examined : Examined
-        The campaign, with fits to the other trials.
-    verdict : Verdict
-        The answer.
-    rng : numpy.random.Generator
-        For the bootstrap over trials.
+    `rng` is for the bootstrap over trials.
     """
     everything, held, found = examined.everything, examined.held, examined.found
     leading = [s for s in verdict.scored if s.named][:_MOST]
@@ -111,8 +103,7 @@ def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
     left = grid.angle_deg - curve
     out = np.zeros_like(left)
     for repeated in repeats(everything, left, ~held.trials):
-        seen = np.isfinite(repeated.values)
-        mean = np.where(seen, repeated.values, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+        mean = np.nanmean(repeated.values, axis=0)
         first = grid.sample_trial[repeated.rows[0]]
         for trial in np.flatnonzero(everything.alike == everything.alike[first]):
             rows = everything.rows[trial]
@@ -136,20 +127,8 @@ def own_scatter(
     it misses, is the scatter; noise is what the bench has. What a slip or an interference makes of
     trials is no scatter.
 
-    Parameters
-    ----------
-    bench : Bench
-        Noise and scatter.
-    chosen : Explanation
-        What predicts the trials.
-    everything : Evidence
-        The campaign with all its trials.
-    where : (n,) bool array
-        Averaged samples of the trials.
-    curves : mapping of str to (n,) arrays
-        At all averaged samples: ``plain``, of the plain model, and ``explained``, the prediction.
-    left_deg : float
-        RMS by which the explanation misses the trials that it was fitted to.
+    `where`, (n,), tells their samples, `curves` is a claim's, and by `left_deg`, RMS, the
+    explanation misses the trials that it was fitted to.
     """
     grid = everything.grid
     trials = np.isin(np.arange(len(grid.trials)), grid.sample_trial[where])
@@ -163,26 +142,21 @@ def own_scatter(
     white_left = there.white(factor, rows.merged(grid.angle_deg - explained))
     slips = at_port("zeros", chosen.ids) is not None
     own = nuisance_scales(bench, slips)[[GAIN, REST, TIME_SCALE]]
-    squares = counts = 0.0
-    for group in rows.groups:
-        for trial in np.unique(group.trial):
-            here = np.arange(group.rows.start, group.rows.stop)[group.trial == trial]
-            only = np.zeros_like(shapes)
-            only[here] = shapes[here]
-            white = there.white(factor, only)
-            precision = cho_factor(white.T @ white + np.diag(own**-2.0))
-            mean = cho_solve(precision, white.T @ white_left)
-            spread = cho_solve(precision, np.eye(own.size))
-            scattered = (shapes[here] @ mean) ** 2
-            scattered += np.einsum("ij,jk,ik->i", shapes[here], spread, shapes[here])
-            weight = group.count[group.trial == trial]
-            squares += float(weight @ scattered)
-            counts += float(weight.sum())
+    trial = np.concatenate([group.trial for group in rows.groups])
+    count = np.concatenate([group.count for group in rows.groups])
+    squares = np.empty(rows.size)
+    for one in np.unique(trial):
+        here = trial == one
+        white = there.white(factor, np.where(here[:, None], shapes, 0.0))
+        spread = np.linalg.inv(white.T @ white + np.diag(own**-2.0))
+        mean, z = spread @ (white.T @ white_left), shapes[here]
+        squares[here] = (z @ mean) ** 2 + np.einsum("ij,jk,ik->i", z, spread, z)
     spectrum, noise = bench.noise.spectrum, everything.noise_deg**2
     if chosen.line is not None:
         # A fast interference is no white noise, and hardly shows in averages over many samples.
         noise = min(noise, spectrum.white)
-    return float(np.sqrt(squares / counts + noise + spectrum.coloured.sum()))
+    scatter = np.average(squares, weights=count)
+    return float(np.sqrt(scatter + noise + spectrum.coloured.sum()))
 
 
 def held_to(verdict: Verdict, claimed: Claim, closing: float = SETTINGS.closes) -> Verdict:

@@ -51,18 +51,9 @@ def on_all_trials(scored: Scored, examined: Examined) -> Explanation:
 def model_of(
     known: Explanation | None, law: LawFound | None, examined: Examined, plain: Model
 ) -> Model:
-    """Write what is known, and a law that is worth it, as a model that `predict` runs.
+    """Write what is known of all trials, and a law worth it, as a model that `predict` runs.
 
-    Parameters
-    ----------
-    known : Explanation or None
-        The part that has a name, fitted to all trials.
-    law : LawFound or None
-        A law that the model is to carry.
-    examined : Examined
-        The campaign.
-    plain : Model
-        What is returned where there is neither.
+    Where there is neither it is the plain model.
     """
     if law is not None:
         beside = known or Explanation((), examined.found.plain, None, None)

@@ -58,17 +58,9 @@ def find_missing(
 ) -> Missing:
     """Fit free-form laws beside what is known, and hold them against the held-out trials.
 
-    Parameters
-    ----------
-    examined : Examined
-        The campaign.
-    known : Explanation
-        The part that has a name; the plain model where none has.
-    curves : mapping of str to (n,) arrays
-        Predictions for all samples, deg, by the plain model as given, ``plain``, and identified
-        again, ``refit``.
-    unknown_drive : float
-        Probability that what is unknown is the drive's.
+    `known` is the plain model where nothing has a name. `curves` are the plain model's predictions
+    for all samples, deg: as given, ``plain``, and identified again, ``refit``. `unknown_drive` is
+    the probability that what is unknown is the drive's.
     """
     everything, bench = examined.everything, examined.found.bench
     drive_share = unknown_drive if everything.has_pressure else 0.0
