@@ -15,8 +15,15 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.answer.causes import causes_of, p_value, smallest_bic, stages, traces_of
 from spa_fo.gap.answer.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.answer.locate import shares
-from spa_fo.gap.claim.claimed import Claim, beyond_expected, claim, held_to
-from spa_fo.gap.claim.final import exact, model_of, on_all_trials
+from spa_fo.gap.claim.claimed import (
+    Claim,
+    beyond_expected,
+    claim,
+    exact,
+    held_to,
+    model_of,
+    on_all_trials,
+)
 from spa_fo.gap.data.hold_out import rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
 from spa_fo.gap.decide.explanation import Explanation

@@ -15,6 +15,10 @@ from spa_fo.plant.law import PLACES
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 SCHEMA = "spa-fo/diagnosis/1"
+_KEYS = (
+    *("schema", "campaign", "seed", "provenance", "excluded", "gap", "where", "laws", "causes"),
+    *("verdict", "shrink", "evidence", "next_steps", "findings", "baselines"),
+)
 
 
 @dataclass(frozen=True)
@@ -187,33 +191,22 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of diagnosis.json."""
-        document = {
+        document = vars(self) | {
             "schema": SCHEMA,
-            "campaign": self.campaign,
-            "seed": self.seed,
-            "provenance": self.provenance,
-            "excluded": self.excluded,
-            "gap": self.gap,
-            "where": self.where,
             "laws": [law.to_dict() for law in self.laws],
-            "causes": self.causes,
             "verdict": {
                 "kind": self.kind,
                 "sets": self.sets,
                 "next_experiment": self.next_experiment,
             },
-            "shrink": self.shrink,
             "evidence": {
                 "offers": self.offers,
                 "misses": self.misses,
                 "held_out": bool(self.traces.held_out.any()),
                 "held_out_on": self.held_out_on,
             },
-            "next_steps": self.next_steps,
-            "findings": self.findings,
-            "baselines": self.baselines,
         }
-        return {key: _as_json(value) for key, value in document.items()}
+        return {key: _as_json(document[key]) for key in _KEYS}
 
 
 def _as_json(value: Any) -> Any:
