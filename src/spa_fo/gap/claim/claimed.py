@@ -185,7 +185,7 @@ def own_scatter(
     return float(np.sqrt(scatter + noise + spectrum.coloured.sum()))
 
 
-def held_to(verdict: Verdict, claimed: Claim, closing: float = SETTINGS.closes) -> Verdict:
+def held_to(verdict: Verdict, claimed: Claim, closing: float) -> Verdict:
     """Take sets that close less than `closing` of the gap on held-out trials out of an answer.
 
     What they were probable by goes to an unknown cause.
