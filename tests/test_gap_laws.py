@@ -99,7 +99,7 @@ def test_its_curve_is_the_law(found: tuple[str, list[LawFit]]) -> None:
         law = CASES[place]
         assert isinstance(law, Law)
         truth = without_line(basis, law.at(basis.knots))
-    curve = basis.curve(basis.drawn_over())
+    curve = basis.curve(basis.over)
     missed = curve @ (fitted.e - basis.coefficients(truth))
     size = np.sqrt(np.mean((curve @ basis.coefficients(truth)) ** 2))
     assert np.sqrt(np.mean(missed**2)) < 0.35 * size
@@ -170,7 +170,7 @@ def test_a_law_has_no_straight_part(basis: Basis) -> None:
 
 def test_beforehand_it_is_one_in_size(basis: Basis) -> None:
     e = np.random.default_rng(3).normal(size=(basis.size, 4000))
-    drawn = basis.curve(basis.drawn_over()) @ e
+    drawn = basis.curve(basis.over) @ e
     assert np.sqrt(np.mean(drawn**2)) == pytest.approx(1.0, rel=0.03)
 
 
@@ -260,7 +260,7 @@ def test_a_drive_that_slews_saturates(tmp_path: Path) -> None:
     asked = blind_documents.document("slew_limit", size=6.0, seed=5)
     truth = write_case(asked, tmp_path)["parameters"]["slew_limit"]
     fitted = drive_law(collect(blind_documents.read(tmp_path / "campaign")), NOT_READ)
-    reached = fitted.law.at(np.array([0.7, 0.9]) * fitted.basis.high)
+    reached = fitted.law.at(np.array([0.7, 0.9]) * fitted.basis.over[-1])
     np.testing.assert_allclose(reached, truth["rate_kpa_s"], rtol=0.1)
     like = likenesses(fitted.basis, fitted.e, fitted.covariance)[0]
     assert like.form == "saturation"

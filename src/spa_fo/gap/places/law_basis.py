@@ -41,8 +41,7 @@ class Basis:
     place: str
     knots: Floats  # (k,)
     shape: Floats  # (k, m); beforehand the law is 1 in size, RMS over what was visited
-    low: float  # what was visited
-    high: float
+    over: Floats  # (n,), what was visited, where a curve is drawn
     line: Floats
     taken: Floats
     keeps_line: bool = False  # whether the law may be straight
@@ -68,12 +67,6 @@ class Basis:
     def without(self, column: int) -> Basis:
         """Leave one coefficient out."""
         return replace(self, shape=np.delete(self.shape, column, axis=1))
-
-    def drawn_over(self) -> Floats:
-        """Points over what was visited, for a curve."""
-        if self.place == "relaxation":
-            return self.knots
-        return np.linspace(self.low, self.high, _FINE)
 
     def curve(self, at: Floats) -> Floats:
         """Give the matrix from coefficients to the curve's values, (n, m)."""
@@ -106,8 +99,8 @@ def motion_basis(place: str, over: Floats, weight: Floats, straight: bool = Fals
         taken = (weight * over) @ _splines(knots, over)
         taken = taken / (taken @ knots)
         held = np.vstack([held, taken])
-    shape = _shape(charged, null_space(held))
-    return _scaled(Basis(place, knots, shape, low, high, knots, taken, straight))
+    shape, drawn = _shape(charged, null_space(held)), np.linspace(low, high, _FINE)
+    return _scaled(Basis(place, knots, shape, drawn, knots, taken, straight))
 
 
 def order_basis(place: str, orders: Floats) -> Basis | None:
@@ -120,15 +113,15 @@ def order_basis(place: str, orders: Floats) -> Basis | None:
     charged = steps.T @ (steps / np.diff(knots)[:, None]) * float(np.ptp(knots))
     mean = _splines(knots, unique).mean(axis=0)
     shape = _shape(charged, null_space(mean[None, :]))
-    one = np.ones(knots.size)
-    return _scaled(Basis(place, knots, shape, knots[0], knots[-1], one, mean, True))
+    over, one = np.linspace(knots[0], knots[-1], _FINE), np.ones(knots.size)
+    return _scaled(Basis(place, knots, shape, over, one, mean, True))
 
 
 def relaxation_basis(longest_s: float) -> Basis:
     """Lay a spectrum over relaxation times up to the longest of a trial."""
     times = np.geomspace(_QUICKEST_S, max(longest_s, 4.0 * _QUICKEST_S), _TIMES)
     none = np.zeros(_TIMES)
-    return Basis("relaxation", times, np.eye(_TIMES), times[0], times[-1], none, none)
+    return Basis("relaxation", times, np.eye(_TIMES), times, none, none)
 
 
 def _splines(knots: Floats, over: Floats) -> Floats:
@@ -155,6 +148,5 @@ def _shape(charged: Floats, free: Floats) -> Floats:
 
 def _scaled(basis: Basis) -> Basis:
     """Make the law 1 in size beforehand."""
-    curve = basis.curve(basis.drawn_over())
-    size = float(np.sqrt(np.mean(np.sum(curve**2, axis=1))))
+    size = float(np.sqrt(np.mean(np.sum(basis.curve(basis.over) ** 2, axis=1))))
     return replace(basis, shape=basis.shape / size)

@@ -140,7 +140,7 @@ def _linear(
 
 def _scale(bench: Bench, base: Fitted, basis: Basis) -> float:
     """How large a law is beforehand: as large as it takes to move the angle by the gap."""
-    span = 0.01 * max(abs(basis.low), abs(basis.high))
+    span = 0.01 * float(np.abs(basis.over).max())
     problem = LawProblem(bench, base, basis, np.zeros(basis.size), span)
     moved = problem.tangents(base.z)[: problem.rows.size]
     size = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))

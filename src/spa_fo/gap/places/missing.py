@@ -92,8 +92,7 @@ def find_missing(
 
 
 def _found(fit: LawFit, beside: Ids, closed: float) -> LawFound:
-    over = fit.basis.drawn_over()
-    curve = fit.basis.curve(over)
+    curve = fit.basis.curve(fit.basis.over)
     value = curve @ fit.e
     half = _TWO_SIGMA * np.sqrt(np.einsum("ij,jk,ik->i", curve, fit.covariance, curve))
     return LawFound(
@@ -104,7 +103,7 @@ def _found(fit: LawFit, beside: Ids, closed: float) -> LawFound:
         log_evidence=fit.nats,
         resembles=likenesses(fit.basis, fit.e, fit.covariance),
         beside=beside,
-        over=over,
+        over=fit.basis.over,
         value=value,
         low=value - half,
         high=value + half,

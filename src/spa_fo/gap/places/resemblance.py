@@ -68,7 +68,7 @@ def _best(
     basis: Basis, e: Floats, covariance: Floats, form: _Form, whole: bool = False
 ) -> Likeness:
     """Fit one form: the parameter that leaves least; of a whole relation the line is known."""
-    tried = form.tried * (max(abs(basis.high), abs(basis.low)) if form.of_range else 1.0)
+    tried = form.tried * (np.abs(basis.over).max() if form.of_range else 1.0)
     knots = basis.knots - (0.0 if basis.is_odd else basis.knots[0])
     curves = np.sign(knots) * form.curve(np.abs(knots), tried[:, None])
     slopes = curves @ basis.taken
@@ -87,7 +87,7 @@ def _best(
         misfit[sizes * (-1.0 if basis.place in _RESISTING else 1.0) <= 0.0] = np.inf
     k = int(np.argmin(misfit))
     like = sizes[k] * shapes[:, k] if misfit[k] < np.inf else np.zeros_like(e)
-    curve = basis.curve(basis.drawn_over())
+    curve = basis.curve(basis.over)
     missed, size = np.mean((curve @ (e - like)) ** 2), np.mean((curve @ e) ** 2)
     explains = 1.0 - float(np.sqrt(missed / max(float(size), 1e-30)))
     value = float((sizes if form is _LINE else tried)[k])
