@@ -39,7 +39,7 @@ from repeated_commands import (  # noqa: E402
     repeats_of,
 )
 from spa_fo.atomic import replacing, write_text  # noqa: E402
-from spa_fo.gap import diagnose_files  # noqa: E402
+from spa_fo.gap import diagnose_campaign  # noqa: E402
 from spa_fo.identify import fit_campaign, predict_trial  # noqa: E402
 from spa_fo.plant import Model, write_model  # noqa: E402
 from spa_fo.report.style import (  # noqa: E402
@@ -204,7 +204,7 @@ def answer(document: Mapping[str, Any]) -> Answer:
 def ask(campaign: Path, model: Path) -> Answer:
     """Diagnose a campaign folder; an error is an answer too."""
     try:
-        return answer(diagnose_files(campaign, model, seed=SEED).to_dict())
+        return answer(diagnose_campaign(campaign, model, seed=SEED).to_dict())
     except Exception as error:  # whatever it is, it is what a user would have got
         message = f"{type(error).__name__}: {error}".replace(f"{campaign.parent}/", "")
         return Answer(ERROR, message=message)

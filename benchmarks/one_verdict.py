@@ -51,11 +51,11 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
     import numpy as np
 
     from blind.judge.realised import campaign_data, judged_model
-    from spa_fo.gap.claim.claimed import Claim, claim
-    from spa_fo.gap.claim.held_to import held_to
+    from spa_fo.gap.claim.claimed import Claim, claim, held_to
     from spa_fo.gap.decide.examine import examine
     from spa_fo.gap.decide.weigh import decide
     from spa_fo.gap.noise.interference import NONE, fast_line
+    from spa_fo.gap.settings import SETTINGS
     from spa_fo.plant import read_model
     from spa_fo.plant.effects.library import at_port
 
@@ -72,11 +72,11 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
     def said() -> Said:
         verdict = decide(e.found, e.drive, fast, evidence, e.floor_deg)
         if not known or not set(verdict.sets) <= set(known[0].closed):
-            new = claim(e.found, e.drive, e.everything, e.held, verdict, e.given, e.floor_deg, rng)
+            new = claim(e, verdict, rng)
             before = known.pop().closed if known else {}
             closed = dict.fromkeys(verdict.sets, 0.0) | before | new.closed
             known.append(replace(new, closed=closed))
-        verdict = held_to(verdict, known[0])
+        verdict = held_to(verdict, known[0], SETTINGS.closes)
         return verdict.kind, [list(names) for names in verdict.sets]
 
     return said

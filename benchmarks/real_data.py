@@ -24,7 +24,7 @@ keep_blas_to_one_thread()
 import yaml  # noqa: E402
 
 from spa_fo.atomic import write_text  # noqa: E402
-from spa_fo.gap import Diagnosis, diagnose_files  # noqa: E402
+from spa_fo.gap import Diagnosis, diagnose_campaign  # noqa: E402
 from spa_fo.identify import fit_campaign  # noqa: E402
 from spa_fo.plant import TransferFunction, write_model  # noqa: E402
 from spa_fo.report.diagnosis import write_report  # noqa: E402
@@ -104,7 +104,7 @@ def run(name: str, data: Path, work: Path) -> tuple[TransferFunction, Diagnosis]
     model = work / f"{name}.json"
     write_model(model, fitted.model)
     print(name, fitted.report(), sep="\n")
-    diagnosis = diagnose_files(folder, model, seed=SEED, progress=print)
+    diagnosis = diagnose_campaign(folder, model, seed=SEED, progress=print)
     write_report(diagnosis, OUT / name)
     others = (OUT / name / "augmented_model.json", OUT / name / "diagnosis.html")
     for beside in [*(OUT / name).glob("*.pdf"), *others]:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import campaigns
-from spa_fo.gap.claim.own_scatter import own_scatter
+from spa_fo.gap.claim.claimed import own_scatter
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.decide.explanation import Explanation, simulate
 from spa_fo.gap.fit.bench import Bench, bench_for

@@ -6,12 +6,13 @@ from typing import Any, cast
 
 import pytest
 
-from spa_fo.gap.claim.claimed import Claim
-from spa_fo.gap.claim.held_to import held_to
+from spa_fo.gap.claim.claimed import Claim, held_to
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
+from spa_fo.gap.settings import SETTINGS
 
 Ids = tuple[str, ...]
 NOT_READ = cast(Any, None)
+CLOSING = SETTINGS.closes
 
 
 def answer(probabilities: dict[Ids, float], unknown: float) -> Verdict:
@@ -23,27 +24,27 @@ def answer(probabilities: dict[Ids, float], unknown: float) -> Verdict:
 
 
 def claims(closed: dict[Ids, float]) -> Claim:
-    return Claim(NOT_READ, {}, {}, closed, None)
+    return Claim({}, {}, closed, None)
 
 
 def test_a_cause_that_closes_the_gap_stands() -> None:
     verdict = answer({("creep",): 0.9}, 0.1)
-    assert held_to(verdict, claims({("creep",): 0.9})) == verdict
+    assert held_to(verdict, claims({("creep",): 0.9}), CLOSING) == verdict
 
 
 def test_a_cause_that_closes_nothing_is_none() -> None:
-    held = held_to(answer({("creep",): 0.9}, 0.1), claims({("creep",): 0.0}))
+    held = held_to(answer({("creep",): 0.9}, 0.1), claims({("creep",): 0.0}), CLOSING)
     assert (held.kind, held.sets) == ("unknown", ())
     assert held.unknown == pytest.approx(1.0)
 
 
 def test_nobody_foretells_a_slip_so_it_stands() -> None:
     verdict = answer({("sensor_slip",): 0.9}, 0.1)
-    assert held_to(verdict, claims({("sensor_slip",): -0.2})) == verdict
+    assert held_to(verdict, claims({("sensor_slip",): -0.2}), CLOSING) == verdict
 
 
 @pytest.mark.parametrize(("closed", "left"), [(-2.5, ()), (0.9, (("creep", "sensor_slip"),))])
 def test_a_part_is_said_for_what_it_closes_elsewhere(closed: float, left: tuple[Ids, ...]) -> None:
     named = ("creep", "sensor_slip")
-    held = held_to(answer({named: 0.1}, 0.9), claims({named: closed}))
+    held = held_to(answer({named: 0.1}, 0.9), claims({named: closed}), CLOSING)
     assert (held.kind, held.sets) == ("unknown", left)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -19,10 +19,9 @@ from spa_fo.cli import main
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.diagnose import diagnose_campaign
 from spa_fo.gap.fit.bench import Bench, bench_for
-from spa_fo.gap.places.filling import FillingFit
 from spa_fo.gap.places.law_basis import Basis, motion_basis, order_basis, relaxation_basis
-from spa_fo.gap.places.law_problem import LawProblem
-from spa_fo.gap.places.laws import PlacedLaw, bases, law_at, place_laws
+from spa_fo.gap.places.law_problem import LawFit, LawProblem
+from spa_fo.gap.places.laws import bases, drive_law, law_at, place_laws
 from spa_fo.gap.places.resemblance import likenesses
 from spa_fo.gap.search.fitted import Fitted, fit
 from spa_fo.plant import read_model
@@ -30,6 +29,7 @@ from spa_fo.plant.effects.library import CONTRACT, LIBRARY
 from spa_fo.plant.law import Law, law_of
 from spa_fo.rig import CampaignData
 
+NOT_READ = cast(Any, None)
 ANGLES = np.linspace(-5.0, 70.0, 16)
 CUBIC = Law("moment", ANGLES, -8.0 * (ANGLES / 60.0) ** 3)
 CURVE = Law("reading", ANGLES, 8.0 * ANGLES / 60.0 - 8.0 * (ANGLES / 60.0) ** 2)
@@ -63,7 +63,7 @@ def prepared(data: CampaignData) -> tuple[Bench, Fitted]:
 @pytest.fixture(scope="module", params=CASES)
 def found(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[str, tuple[PlacedLaw, ...]]:
+) -> tuple[str, list[LawFit]]:
     folder = tmp_path_factory.mktemp("laws") / request.param
     return request.param, place_laws(*prepared(law_cases.write(folder, CASES[request.param])))
 
@@ -73,9 +73,9 @@ def nothing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Bench, Fitted]:
     return prepared(law_cases.write(tmp_path_factory.mktemp("laws") / "none", None))
 
 
-def test_the_place_is_found(found: tuple[str, tuple[PlacedLaw, ...]]) -> None:
+def test_the_place_is_found(found: tuple[str, list[LawFit]]) -> None:
     place, laws = found
-    assert laws[0].fit.basis.place == place
+    assert laws[0].basis.place == place
     # Trials that drift are hard to tell from trials that differ.
     sure = place != "trial_gain"
     assert laws[0].probability > (0.8 if sure else 0.3)
@@ -87,9 +87,9 @@ def without_line(basis: Basis, values: np.ndarray) -> np.ndarray:
     return values - basis.taken @ values * basis.line
 
 
-def test_its_curve_is_the_law(found: tuple[str, tuple[PlacedLaw, ...]]) -> None:
+def test_its_curve_is_the_law(found: tuple[str, list[LawFit]]) -> None:
     place, laws = found
-    fitted = laws[0].fit
+    fitted = laws[0]
     basis = fitted.basis
     if place == "input_map":
         truth = without_line(basis, ballooning(basis.knots))
@@ -99,7 +99,7 @@ def test_its_curve_is_the_law(found: tuple[str, tuple[PlacedLaw, ...]]) -> None:
         law = CASES[place]
         assert isinstance(law, Law)
         truth = without_line(basis, law.at(basis.knots))
-    curve = basis.curve(basis.drawn_over())
+    curve = basis.curve(basis.over)
     missed = curve @ (fitted.e - basis.coefficients(truth))
     size = np.sqrt(np.mean((curve @ basis.coefficients(truth)) ** 2))
     assert np.sqrt(np.mean(missed**2)) < 0.35 * size
@@ -114,10 +114,12 @@ FORMS = {
 }
 
 
-def test_its_form_is_named(found: tuple[str, tuple[PlacedLaw, ...]]) -> None:
+def test_its_form_is_named(found: tuple[str, list[LawFit]]) -> None:
     place, laws = found
     form, low, high = FORMS[place]
-    named = {like.form: like for like in laws[0].resembles}
+    found_law = laws[0]
+    alike = likenesses(found_law.basis, found_law.e, found_law.covariance)
+    named = {like.form: like for like in alike}
     value = next(iter(named[form].parameters.values()))
     assert low <= value <= high
     assert named[form].explains > 0.75
@@ -130,7 +132,7 @@ def test_where_there_is_none_none_is_found(nothing: tuple[Bench, Fitted]) -> Non
 def test_a_law_of_no_size_moves_nothing(nothing: tuple[Bench, Fitted]) -> None:
     bench, plain = nothing
     fitted = law_at(bench, plain, "moment")
-    assert np.abs(fitted.predicted_deg - plain.predicted_deg).max() < 1.0
+    assert np.abs(fitted.beside.predicted_deg - plain.predicted_deg).max() < 1.0
 
 
 def test_trials_that_judge_take_no_part(tmp_path: Path) -> None:
@@ -168,7 +170,7 @@ def test_a_law_has_no_straight_part(basis: Basis) -> None:
 
 def test_beforehand_it_is_one_in_size(basis: Basis) -> None:
     e = np.random.default_rng(3).normal(size=(basis.size, 4000))
-    drawn = basis.curve(basis.drawn_over()) @ e
+    drawn = basis.curve(basis.over) @ e
     assert np.sqrt(np.mean(drawn**2)) == pytest.approx(1.0, rel=0.03)
 
 
@@ -193,11 +195,11 @@ def test_tangents_are_slopes_of_the_whole_prediction(nothing: tuple[Bench, Fitte
     bench, plain = nothing
     made = next(b for b in bases(bench, plain) if b.place == "moment")
     e = 0.5 * np.ones(made.size)
-    problem = LawProblem(bench, (), False, made, e, 1.0)
+    problem = LawProblem(bench, plain, made, e, 1.0)
     tangents = problem.tangents(plain.z)
     for k, step in enumerate(0.05 * np.eye(made.size)):
         there, before = (
-            LawProblem(bench, (), False, made, e + sign * step, 1.0).predict(plain.z)[0]
+            LawProblem(bench, plain, made, e + sign * step, 1.0).predict(plain.z)[0]
             for sign in (1.0, -1.0)
         )
         slope = problem.rows.merged((there - before) / 0.1)
@@ -208,7 +210,7 @@ def test_tangents_are_slopes_of_the_whole_prediction(nothing: tuple[Bench, Fitte
 def test_the_evidence_is_that_of_the_whole_covariance(nothing: tuple[Bench, Fitted]) -> None:
     bench, plain = nothing
     made = next(b for b in bases(bench, plain) if b.place == "input_map")
-    problem = LawProblem(bench, (), False, made, np.zeros(made.size), 0.5)
+    problem = LawProblem(bench, plain, made, np.zeros(made.size), 0.5)
     linear = problem.linear(plain.z)
     factor = bench.whitening.factor(1.0, 0.05)
     variances = np.append(plain.variances, 0.25)
@@ -257,8 +259,8 @@ def test_a_spectrum_is_one_time_or_many(values: np.ndarray, form: str) -> None:
 def test_a_drive_that_slews_saturates(tmp_path: Path) -> None:
     asked = blind_documents.document("slew_limit", size=6.0, seed=5)
     truth = write_case(asked, tmp_path)["parameters"]["slew_limit"]
-    fitted = FillingFit(collect(blind_documents.read(tmp_path / "campaign")))
-    reached = fitted.law.at(np.array([0.7, 0.9]) * fitted.basis.high)
+    fitted = drive_law(collect(blind_documents.read(tmp_path / "campaign")), NOT_READ)
+    reached = fitted.law.at(np.array([0.7, 0.9]) * fitted.basis.over[-1])
     np.testing.assert_allclose(reached, truth["rate_kpa_s"], rtol=0.1)
     like = likenesses(fitted.basis, fitted.e, fitted.covariance)[0]
     assert like.form == "saturation"

@@ -25,7 +25,7 @@ READ_AFTER_ALL_IS_FITTED = {
     "causes.py",
     "weigh.py",
     "verdict.py",
-    "held_to.py",
+    "claimed.py",
     "diagnose.py",
     "laws.py",
     "missing.py",

@@ -19,7 +19,7 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.answer.findings import drive_finding
 from spa_fo.gap.answer.intervals import drive_intervals
 from spa_fo.gap.answer.locate import shares
-from spa_fo.gap.claim.held_to import CLEARLY
+from spa_fo.gap.claim.claimed import CLEARLY
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.data.hold_out import HeldOut, hold_out, judged, rmse
 from spa_fo.gap.decide.examine import silent

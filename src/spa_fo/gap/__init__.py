@@ -1,7 +1,7 @@
 """The sim-to-real gap: where it lies, what causes it, how far it shrinks, and when nobody knows."""
 
-from spa_fo.gap.diagnose import diagnose, diagnose_campaign, diagnose_files, write_files
-from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Shrink, Traces, Where, write_diagnosis
+from spa_fo.gap.diagnose import diagnose, diagnose_campaign, write_files
+from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Shrink, Traces, Where
 
 __all__ = [
     "Cause",
@@ -12,7 +12,5 @@ __all__ = [
     "Where",
     "diagnose",
     "diagnose_campaign",
-    "diagnose_files",
-    "write_diagnosis",
     "write_files",
 ]

@@ -2,143 +2,91 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, is_dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.atomic import write_text
 from spa_fo.plant import Model
 from spa_fo.plant.law import PLACES
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+Ids = tuple[str, ...]
 SCHEMA = "spa-fo/diagnosis/1"
+_KEYS = (
+    *("schema", "campaign", "seed", "provenance", "excluded", "gap", "where", "laws", "causes"),
+    *("verdict", "shrink", "evidence", "next_steps", "findings", "baselines"),
+)
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Whether the plain model misses the campaign by more than trials miss each other, deg.
-
-    `repeats` says whether any experiment was run more than once.
-    """
+    """Whether the plain model misses the campaign by more than trials miss each other, deg."""
 
     rmse_deg: float
     noise_floor_deg: float
     significant: bool
     p_value: float
-    repeats: bool = True
+    repeats: bool = True  # whether any experiment was run more than once
 
 
 @dataclass(frozen=True)
 class Where:
-    """Shares of the explainable squared gap, by bin; `stage` sums to 1 where there is a gap.
+    """Shares of the explainable squared gap, by bin; `stage` sums to 1 where there is a gap."""
 
-    Where the data cannot tell it, `stage` is None and `not_known` says why.
-    """
-
-    stage: Mapping[str, float] | None
+    stage: Mapping[str, float] | None  # None where the data cannot tell it
     phase: Mapping[str, float]
     amplitude: Mapping[str, float]
     direction: Mapping[str, float]
     trial: Mapping[str, float]
     frequency: Mapping[str, float]
-    not_known: str | None = None
+    not_known: str | None = None  # why there is no `stage`
 
 
 @dataclass(frozen=True)
 class Cause:
-    """One explanation that was considered.
+    """One explanation that was considered."""
 
-    Attributes
-    ----------
-    set : tuple of str
-        Its effects; ``("none",)`` and ``("unknown",)`` are explanations too.
-    probability : float
-        All causes' sum to 1.
-    parameters : mapping
-        Effect -> parameter -> ``{"value": ..., "ci95": [low, high]}``.
-    transfer_function : mapping
-        The coefficients that go with it, by name; empty for unknown.
-    held_out_rmse_deg : float or None
-        Of its predictions of the held-out trials; None where it was not worth computing.
-    leftover_deg : float or None
-        RMS of what repeats in its residual.
-    """
-
-    set: tuple[str, ...]
-    probability: float
+    set: Ids  # its effects; ("none",) and ("unknown",) are explanations too
+    probability: float  # all causes' sum to 1
+    # Effect -> parameter -> {"value": ..., "ci95": [low, high]}.
     parameters: Mapping[str, Mapping[str, Mapping[str, Any]]]
-    transfer_function: Mapping[str, float]
-    held_out_rmse_deg: float | None = None
-    leftover_deg: float | None = None
+    transfer_function: Mapping[str, float]  # by name; empty for unknown
+    held_out_rmse_deg: float | None = None  # None where it was not worth computing
+    leftover_deg: float | None = None  # RMS of what repeats in its residual
 
 
 @dataclass(frozen=True)
 class Likeness:
-    """A form that a law resembles.
-
-    Attributes
-    ----------
-    form : str
-        Its name.
-    explains : float
-        Share of the curve that it gives, 1 less the RMS of what is left over the RMS.
-    parameters : dict
-        Its parameters by name, with their units in the name where they have one.
-    values : (n,) array
-        The form where the law is drawn.
-    """
+    """A form that a law resembles."""
 
     form: str
-    explains: float
-    parameters: dict[str, float]
-    values: Floats = field(repr=False, compare=False)
+    explains: float  # share of the curve: 1 less the RMS of what is left over the RMS
+    parameters: dict[str, float]  # with their units in the name where they have one
+    values: Floats = field(repr=False, compare=False)  # (n,), where the law is drawn
 
 
 @dataclass(frozen=True)
 class LawFound:
-    """A free-form law that was weighed beside what has a name.
+    """A free-form law that was weighed beside what has a name."""
 
-    Attributes
-    ----------
-    place, stage : str
-        Where it sits; see `spa_fo.plant.law.PLACES`.
-    probability : float
-        Of the place, among all places and no law at all.
-    fraction_closed : float
-        Share of the gap that closes with it on trials that took no part.
-    log_evidence : float
-        Against no law, nats; 0 for a law of the drive, which is sought in the pressure.
-    resembles : tuple of Likeness
-        Forms that its curve is like, the most alike first.
-    beside : tuple of str
-        Named effects that it stands beside.
-    over, value, low, high : (n,) arrays
-        Its curve over what was visited, and a band that holds it with 95 %.
-    carried : bool
-        Whether the augmented model carries it.
-    """
-
-    place: str
+    place: str  # one of `spa_fo.plant.law.PLACES`
     stage: str
-    probability: float
-    fraction_closed: float
-    log_evidence: float
-    resembles: tuple[Likeness, ...]
-    beside: tuple[str, ...]
-    over: Floats
-    value: Floats
+    probability: float  # of the place, among all places and no law at all
+    fraction_closed: float  # share of the gap that closes with it on held-out trials
+    log_evidence: float  # against no law, nats; 0 for a law of the drive, sought in the pressure
+    resembles: tuple[Likeness, ...]  # the most alike first
+    beside: Ids  # named effects that it stands beside
+    over: Floats  # (n,), what was visited
+    value: Floats  # (n,), its curve, and a band that holds it with 95 %
     low: Floats
     high: Floats
-    carried: bool = False
+    carried: bool = False  # whether the augmented model carries it
 
     def to_dict(self) -> dict[str, Any]:
-        """Return its entry in diagnosis.json."""
+        """Return its entry in diagnosis.json, but for what `Diagnosis.to_dict` makes plain."""
         place = PLACES[self.place]
         return {
             "place": self.place,
@@ -150,35 +98,24 @@ class LawFound:
                 for each in self.resembles
             ],
             "log_evidence": self.log_evidence,
-            "beside": list(self.beside),
+            "beside": self.beside,
             "in_model": self.carried,
             "curve": {
                 "of": place.over,
                 "of_unit": place.over_unit,
                 "unit": place.unit,
-                "over": self.over.tolist(),
-                "value": self.value.tolist(),
-                "low": self.low.tolist(),
-                "high": self.high.tolist(),
+                **{name: getattr(self, name) for name in ("over", "value", "low", "high")},
             },
         }
 
 
 @dataclass(frozen=True)
 class Step:
-    """One thing to do next.
-
-    Attributes
-    ----------
-    do, why : str
-        What, and what it would tell; no capitals, no full stop.
-    apart : tuple of tuples of str
-        The two explanations that it would tell apart first of all; empty where it is for none.
-    """
+    """One thing to do next, and what it would tell; no capitals, no full stop."""
 
     do: str
     why: str
-    apart: tuple[tuple[str, ...], ...] = ()
+    apart: tuple[Ids, ...] = ()  # the two explanations that it would tell apart first
 
     @property
     def text(self) -> str:
@@ -188,59 +125,39 @@ class Step:
 
 @dataclass(frozen=True)
 class Shrink:
-    """How far the gap closes on trials that took no part; contract §4.
-
-    `ceiling_rmse_deg` is what a free-form correction reaches, without any physics; `protocol` is
-    the same on a whole experiment that took no part, the least like the others, where there is one.
-    """
+    """How far the gap closes on trials that took no part, deg; contract §4."""
 
     held_out_on: str
     before_rmse_deg: float
     after_rmse_deg: float
     refit_only_rmse_deg: float
-    ceiling_rmse_deg: float | None
+    ceiling_rmse_deg: float | None  # of a free-form correction, without any physics
     noise_floor_deg: float
     fraction_closed: float
     ci95: tuple[float, float]
-    protocol: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
 class Traces:
     """Curves for figures, (n,) arrays at averaged samples of all trials in their order.
 
-    Attributes
-    ----------
-    experiment, label : tuple of str
-        Of each trial.
-    trial : (n,) array
-        Index of the trial.
-    time_s, command_kpa, measured_deg, plain_deg, explained_deg, refit_deg : (n,) arrays
-        Within the trial. `explained_deg` is the explanation's prediction from the command, the
-        plain model's where nothing is explained; `refit_deg` the plain model's identified again;
-        both, of a held-out trial, by a fit that had not seen it.
-        The command is NaN where none was logged.
-    pressure_kpa, drive_kpa : (n,) arrays or None
-        Measured, and as the explanation's drive makes it.
-    held_out : (trials,) bool array
-        Trials that took no part.
-    fixture_angle_deg, fixture_deg, fixture_explained_deg : arrays
-        Calibration dwells, window by window: known angle, what the curve misreads, what the
-        explanation makes of it; empty without a calibration.
+    Of a held-out trial `explained_deg` and `refit_deg` are by fits that had not seen it.
     """
 
-    experiment: tuple[str, ...]
+    experiment: tuple[str, ...]  # of each trial
     label: tuple[str, ...]
-    trial: Integers
-    time_s: Floats
-    command_kpa: Floats
+    trial: NDArray[np.int64]  # index of each sample's trial
+    time_s: Floats  # within the trial
+    command_kpa: Floats  # NaN where none was logged
     measured_deg: Floats
     plain_deg: Floats
-    explained_deg: Floats
-    refit_deg: Floats
-    pressure_kpa: Floats | None
-    drive_kpa: Floats | None
-    held_out: NDArray[np.bool_]
+    explained_deg: Floats  # the plain model's where nothing is explained
+    refit_deg: Floats  # the plain model's, identified again
+    pressure_kpa: Floats | None  # measured
+    drive_kpa: Floats | None  # as the explanation's drive makes it
+    held_out: NDArray[np.bool_]  # (trials,)
+    # Calibration dwells, window by window, empty without a calibration: known angle, what the curve
+    # misreads, what the explanation makes of it.
     fixture_angle_deg: Floats
     fixture_deg: Floats
     fixture_explained_deg: Floats
@@ -248,118 +165,56 @@ class Traces:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The whole diagnosis of one campaign.
-
-    Attributes
-    ----------
-    campaign, material, provenance : str
-        Of the campaign; provenance is "measured" or "synthetic".
-    seed : int
-        Of all that is random.
-    excluded : tuple of str
-        Effects that the library was to lack.
-    gap, where, causes, shrink
-        See their classes; causes most probable first; shrink None where nothing was explained.
-    kind : str
-        "no_gap", "cause", "ambiguous" or "unknown".
-    sets : tuple of tuples of str
-        Explanations that stand.
-    next_experiment : str or None
-        What would tell them apart, in words.
-    held_out_on : str
-        Which trials the causes' ``held_out_rmse_deg`` are of, in words.
-    offers, misses : tuple of str
-        What evidence the campaign holds, and what it lacks, in words.
-    findings : tuple of str
-        Why `unknown` was or was not said, and what else a reader should know, in words.
-    baselines : mapping
-        What simpler methods would have answered: name -> list of effects.
-    traces : Traces
-        Curves for figures.
-    model : Model
-        Augmented; the plain one where nothing is explained.
-    next_steps : tuple of Step
-        What to do at the bench, most telling first, a few at most; see
-        `spa_fo.gap.plan.next_steps`.
-    laws : tuple of LawFound
-        Free-form laws where the cause is unknown, the most probable first.
-    """
+    """The whole diagnosis of one campaign."""
 
     campaign: str
     material: str
-    provenance: str
+    provenance: str  # "measured" or "synthetic"
     seed: int
-    excluded: tuple[str, ...]
+    excluded: Ids  # effects that the library was to lack
     gap: Gap
     where: Where
-    causes: tuple[Cause, ...]
-    kind: str
-    sets: tuple[tuple[str, ...], ...]
-    next_experiment: str | None
-    held_out_on: str
-    shrink: Shrink | None
-    offers: tuple[str, ...]
+    causes: tuple[Cause, ...]  # most probable first
+    kind: str  # "no_gap", "cause", "ambiguous" or "unknown"
+    sets: tuple[Ids, ...]  # explanations that stand
+    next_experiment: str | None  # what would tell them apart, in words
+    held_out_on: str  # which trials the causes' errors are of, in words
+    shrink: Shrink | None  # None where nothing was explained
+    offers: tuple[str, ...]  # what evidence the campaign holds, and what it lacks
     misses: tuple[str, ...]
-    findings: tuple[str, ...]
-    baselines: Mapping[str, list[str]]
+    findings: tuple[str, ...]  # what else a reader should know
+    baselines: Mapping[str, list[str]]  # simpler method -> the effects it would have named
     traces: Traces
-    model: Model
-    next_steps: tuple[Step, ...] = ()
-    laws: tuple[LawFound, ...] = ()
+    model: Model  # augmented; the plain one where nothing is explained
+    next_steps: tuple[Step, ...] = ()  # most telling first
+    laws: tuple[LawFound, ...] = ()  # where the cause is unknown, the most probable first
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of diagnosis.json."""
-        shrink = self.shrink
-        return {
+        document = vars(self) | {
             "schema": SCHEMA,
-            "campaign": self.campaign,
-            "seed": self.seed,
-            "provenance": self.provenance,
-            "excluded": list(self.excluded),
-            "gap": vars(self.gap),
-            "where": {
-                name: dict(shares) if isinstance(shares, Mapping) else shares
-                for name, shares in vars(self.where).items()
-            },
             "laws": [law.to_dict() for law in self.laws],
-            "causes": [
-                {
-                    "set": list(cause.set),
-                    "probability": cause.probability,
-                    "parameters": cause.parameters,
-                    "transfer_function": cause.transfer_function,
-                    "held_out_rmse_deg": cause.held_out_rmse_deg,
-                    "leftover_deg": cause.leftover_deg,
-                }
-                for cause in self.causes
-            ],
             "verdict": {
                 "kind": self.kind,
-                "sets": [list(ids) for ids in self.sets],
+                "sets": self.sets,
                 "next_experiment": self.next_experiment,
             },
-            "shrink": None if shrink is None else {**vars(shrink), "ci95": list(shrink.ci95)},
             "evidence": {
-                "offers": list(self.offers),
-                "misses": list(self.misses),
+                "offers": self.offers,
+                "misses": self.misses,
                 "held_out": bool(self.traces.held_out.any()),
                 "held_out_on": self.held_out_on,
             },
-            "next_steps": [
-                {"do": step.do, "why": step.why, "apart": [list(ids) for ids in step.apart]}
-                for step in self.next_steps
-            ],
-            "findings": list(self.findings),
-            "baselines": dict(self.baselines),
         }
+        return {key: _as_json(document[key]) for key in _KEYS}
 
 
-def write_diagnosis(path: Path | str, diagnosis: Diagnosis) -> None:
-    """Write diagnosis.json, whole or not at all.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be written.
-    """
-    write_text(path, json.dumps(diagnosis.to_dict(), indent=2, allow_nan=False) + "\n")
+def _as_json(value: Any) -> Any:
+    """Turn dataclasses, tuples and arrays into what JSON holds."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value):
+        value = vars(value)
+    if isinstance(value, Mapping):
+        return {key: _as_json(item) for key, item in value.items()}
+    return [_as_json(item) for item in value] if isinstance(value, list | tuple) else value

@@ -156,7 +156,7 @@ def _ladder(diagnosis: Diagnosis) -> str:
             "augmented model": ("explained", shrink.after_rmse_deg),
         }
     rungs["noise floor"] = ("floor", floor)
-    said = html_of("\n\n".join(shrink_words(diagnosis)))
+    said = html_of(shrink_words(diagnosis))
     note = f"RMS error on {on}, in degrees. {_LADDER}"
     return (
         f"{said}\n"

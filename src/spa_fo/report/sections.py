@@ -124,8 +124,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]], alignment: str) -
 
 def shrink_part(diagnosis: Diagnosis) -> Iterator[str]:
     """Say how far the gap closes, beside what it has to beat."""
-    first, *others = shrink_words(diagnosis)
-    yield first
+    yield shrink_words(diagnosis)
     shrink = diagnosis.shrink
     if shrink is None:
         return
@@ -141,30 +140,20 @@ def shrink_part(diagnosis: Diagnosis) -> Iterator[str]:
         [(name, f"{value:.2f}") for name, value in rows if value is not None],
         ":--|--:",
     )
-    yield from others
 
 
-def shrink_words(diagnosis: Diagnosis) -> list[str]:
-    """Say how far the gap closes, a paragraph each: on trials, and on another experiment."""
+def shrink_words(diagnosis: Diagnosis) -> str:
+    """Say how far the gap closes."""
     shrink = diagnosis.shrink
     if shrink is None and diagnosis.kind == "no_gap":
-        return ["There is no gap to close."]
+        return "There is no gap to close."
     if shrink is None:
-        return ["Nothing is explained, so there is nothing to validate on held-out trials."]
+        return "Nothing is explained, so there is nothing to validate on held-out trials."
     low, high = shrink.ci95
-    found = [
+    return (
         f"On {judged(diagnosis)} the explanation closes **{percent(shrink.fraction_closed)}** of "
         f"the gap above the noise floor (95 % interval {percent(low)} to {percent(high)})."
-    ]
-    if shrink.protocol is not None:
-        other = shrink.protocol
-        found.append(
-            f"On a held-out experiment ({other['held_out_on']}; chosen among the leading "
-            f"explanations and fitted without it: {phrase(other['set'])}): "
-            f"{other['before_rmse_deg']:.2f}° → {other['after_rmse_deg']:.2f}°, "
-            f"{percent(other['fraction_closed'])} of the gap closed."
-        )
-    return found
+    )
 
 
 def where_part(diagnosis: Diagnosis) -> Iterator[str]:

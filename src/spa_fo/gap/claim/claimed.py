@@ -1,139 +1,105 @@
-"""What is claimed of trials that took no part: how far an explanation closes the gap there."""
+"""What is claimed of trials that took no part, the answer held against it, and the model."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.claim.own_scatter import own_scatter
+from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.floor import repeats
 from spa_fo.gap.data.hold_out import HeldOut, judged, rmse, shrink
-from spa_fo.gap.decide.explanation import Explanation, angle_part, explanation_of, simulate
-from spa_fo.gap.decide.verdict import Scored, Verdict
-from spa_fo.gap.diagnosis import Shrink
-from spa_fo.gap.fit.bench import Bench
-from spa_fo.gap.search.drive import Drive, DriveFit
+from spa_fo.gap.data.searched import at_rate
+from spa_fo.gap.decide.examine import Examined
+from spa_fo.gap.decide.explanation import (
+    Explanation,
+    angle_part,
+    augmented_model,
+    explanation_of,
+    simulate,
+)
+from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
+from spa_fo.gap.diagnosis import LawFound, Shrink
+from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE, Bench
+from spa_fo.gap.fit.problem import nuisance_scales
+from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
-from spa_fo.gap.search.fitted import Fitted, fit, without_others
+from spa_fo.gap.search.fitted import fit, without_others
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
+from spa_fo.plant import Model
+from spa_fo.plant.augmented import ending_memory
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
+CLEARLY = 3.0
+"""Times what a reference misses, too: something has changed."""
+
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
 _LEAST_SHOWN = 0.1  # of the squared error: trials that show less of a gap still judge
+_RATE_STEP = 2e-3
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What is claimed, and on which trials.
+    """What is claimed of the trials that took no part.
 
-    Attributes
-    ----------
-    held : HeldOut
-        Trials that took no part in choosing or fitting.
-    curves : dict
-        Predictions at all averaged samples, deg: ``plain``, ``refit``, ``explained``, ``ceiling``.
-    errors : dict
-        RMS error of the leading explanations on those trials, deg; of the plain model under ``()``.
-    closed : dict
-        What each leading explanation closes of the gap there.
-    shrink : Shrink or None
-        How far the gap closes; None where nothing is explained.
+    `curves` holds predictions at all averaged samples, deg: ``plain``, ``refit``, ``explained``,
+    and ``ceiling``, a correction without any physics.
     """
 
-    held: HeldOut
     curves: dict[str, Floats]
-    errors: dict[Ids, float]
-    closed: dict[Ids, float]
-    shrink: Shrink | None
+    errors: dict[Ids, float]  # RMS of the leading explanations, deg; of the plain model under ()
+    closed: dict[Ids, float]  # what each leading explanation closes of the gap
+    shrink: Shrink | None  # None where nothing is explained
+
+    def closes(self, named: Ids, least: float) -> bool:
+        """Say whether a set closes enough, or does what nobody can foretell of a trial."""
+        by_chance = any(at_port(port, named) for port in ("zeros", "line"))
+        return by_chance or self.closed.get(named, 0.0) >= least
 
 
-def by_chance(ids: Ids) -> bool:
-    """Whether what a set does to a trial is the trial's own, so that nobody can foretell it."""
-    return any(at_port(port, ids) for port in ("zeros", "line"))
-
-
-def exact(scored: Scored, found: Explanations, drive: Drive | None, bench: Bench) -> Explanation:
-    """Fit just the effects that a set names, to the trials of a bench."""
-    pressed = None
-    if drive is not None:
-        ids = tuple(n for n in scored.named if LIBRARY[n].stage == "drive")
-        pressed = drive.fits.get(ids) if ids else None
-    ids = angle_part(scored.named, _own_drive(drive), scored.fast is not None)
-    known = found.fits.get(ids)
-    if known is not None and bench is found.bench:
-        return explanation_of(scored, known, pressed)
-    start = known.z if known is not None else without_others(scored.angle, ids)
-    return explanation_of(scored, fit(bench, ids, [start], found.plain), pressed)
-
-
-def _own_drive(drive: Drive | None) -> DriveFit | None:
-    return None if drive is None else drive.best
-
-
-def claim(
-    found: Explanations,
-    drive: Drive | None,
-    everything: Evidence,
-    held: HeldOut,
-    verdict: Verdict,
-    given: Floats,
-    floor_deg: float,
-    rng: np.random.Generator,
-) -> Claim:
+def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Claim:
     """Predict the trials that took no part, and measure how far the gap closes on them.
 
-    Parameters
-    ----------
-    found : Explanations
-        Fits of the angle to the other trials.
-    drive : Drive or None
-        Fits of the pressure to these.
-    everything : Evidence
-        The campaign with all its trials.
-    held : HeldOut
-        Trials that took no part.
-    verdict : Verdict
-        The answer.
-    given : (5,) array
-        Coefficients of the given model.
-    floor_deg : float
-        The noise floor.
-    rng : numpy.random.Generator
-        For the bootstrap over trials.
+    `rng` is for the bootstrap over trials.
     """
+    everything, held, found = examined.everything, examined.held, examined.found
     leading = [s for s in verdict.scored if s.named][:_MOST]
     leading = [s for s in leading if s.named in verdict.sets or s.probability >= _LIKELY]
     where = judged(everything, held)
-    chain = angle_chain(everything, given, None)
-    curves = {"plain": chain.run(given, absent())[0]}
-    again = _identified_again(found)
-    curves["refit"] = angle_chain(everything, again.x, None).run(again.x, absent())[0]
-    errors: dict[Ids, float] = {(): rmse(everything, curves["plain"], where)}
-    fits = each(lambda s: exact(s, found, drive, found.bench), leading)
-    predicted = {s.named: simulate(e, everything) for s, e in zip(leading, fits, strict=True)}
-    closed = {}
-    for named, curve in predicted.items():
-        errors[named] = rmse(everything, curve, where)
-        closed[named] = _closed(errors[()], errors[named], floor_deg)
+    given, again = examined.given, _identified_again(found)
+    plain = angle_chain(everything, given, None).run(given, absent())[0]
+    refit = angle_chain(everything, again, None).run(again, absent())[0]
+    fits = each(lambda s: exact(s, examined), leading)
+    fitted = {s.named: fit for s, fit in zip(leading, fits, strict=True)}
+    predicted = {named: simulate(fit, everything) for named, fit in fitted.items()}
     first = verdict.sets[0] if verdict.sets else ()
-    curves["explained"] = predicted.get(first, curves["plain"])
-    curves["ceiling"] = curves["refit"] + _repeating(everything, held, curves["refit"])
+    curves = {
+        "plain": plain,
+        "refit": refit,
+        "explained": predicted.get(first, plain),
+        "ceiling": refit + _repeating(everything, held, refit),
+    }
+    errors = {named: rmse(everything, curve, where) for named, curve in predicted.items()}
+    errors[()] = rmse(everything, plain, where)
+    floor_deg = examined.floor_deg
+    closed = {named: _closed(errors[()], errors[named], floor_deg) for named in predicted}
     made = None
     if first:
-        chosen = next(e for s, e in zip(leading, fits, strict=True) if s.named == first)
         left_deg = verdict.of(first).left_deg
-        scatter = own_scatter(found.bench, chosen, everything, where, curves, left_deg)
+        scatter = own_scatter(found.bench, fitted[first], everything, where, curves, left_deg)
         if not found.bench.noise.spectrum.repeats:
             scatter = max(scatter, floor_deg)  # nothing tells what is left from noise
         made = shrink(everything, held, curves, scatter, rng)
-    return Claim(held, curves, errors, closed, made)
+    return Claim(curves, errors, closed, made)
 
 
 def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
@@ -142,12 +108,27 @@ def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
     return (before_deg**2 - after_deg**2) / gap
 
 
-def _identified_again(found: Explanations) -> Fitted:
-    """Return the plain model identified again, which any cause has to beat."""
+def exact(scored: Scored, examined: Examined, bench: Bench | None = None) -> Explanation:
+    """Fit just the effects that a set names, to the trials of a bench or those that took part."""
+    found, drive = examined.found, examined.drive
+    own = pressed = None
+    if drive is not None:
+        ids = tuple(n for n in scored.named if LIBRARY[n].stage == "drive")
+        own, pressed = drive.best, drive.fits.get(ids) if ids else None
+    ids = angle_part(scored.named, own, scored.fast is not None)
+    known = found.fits.get(ids)
+    if known is None or bench is not None:
+        start = without_others(scored.angle, ids) if known is None else known.z
+        known = fit(bench or found.bench, ids, [start], found.plain)
+    return explanation_of(scored, known, pressed)
+
+
+def _identified_again(found: Explanations) -> Floats:
+    """Coefficients of the plain model identified again, which any cause has to beat."""
     name = at_port("coefficients")
     if found.bench.own or name is None:
-        return found.plain
-    return found.fits[(name,)]
+        return found.plain.x
+    return found.fits[(name,)].x
 
 
 def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
@@ -156,16 +137,145 @@ def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
     left = grid.angle_deg - curve
     out = np.zeros_like(left)
     for repeated in repeats(everything, left, ~held.trials):
-        seen = np.isfinite(repeated.values)
-        mean = np.where(seen, repeated.values, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
-        time = grid.time_s[repeated.rows]
-        number = everything.alike[grid.sample_trial[repeated.rows[0]]]
-        for trial in np.flatnonzero(everything.alike == number):
+        mean = np.nanmean(repeated.values, axis=0)
+        first = grid.sample_trial[repeated.rows[0]]
+        for trial in np.flatnonzero(everything.alike == everything.alike[first]):
             rows = everything.rows[trial]
-            out[rows] = np.interp(grid.time_s[rows], time, mean)
+            out[rows] = np.interp(grid.time_s[rows], grid.time_s[repeated.rows], mean)
     return out
 
 
-def closes(claimed: Claim, named: Ids, least: float) -> bool:
-    """Say whether a set closes enough of the gap on the held-out trials."""
-    return by_chance(named) or claimed.closed.get(named, 0.0) >= least
+def own_scatter(
+    bench: Bench,
+    chosen: Explanation,
+    everything: Evidence,
+    where: NDArray[np.bool_],
+    curves: Mapping[str, Floats],
+    left_deg: float,
+) -> float:
+    """Estimate the RMS of noise and scatter in some trials beside an explanation, deg.
+
+    A few trials scatter more or less than trials do on average, and what they happen to differ by
+    is neither left of the gap nor closed. Each has its gain, rest angle and time scale, of which is
+    known how much trials differ: what they are worth, given the prediction's error and beside what
+    it misses, is the scatter; noise is what the bench has. What a slip or an interference makes of
+    trials is no scatter.
+
+    `where`, (n,), tells their samples, `curves` is a claim's, and by `left_deg`, RMS, the
+    explanation misses the trials that it was fitted to.
+    """
+    grid = everything.grid
+    trials = np.isin(np.arange(len(grid.trials)), grid.sample_trial[where])
+    explained, plain = curves["explained"], curves["plain"]
+    judging = bench.without(~trials).with_gap(grid.angle_deg - plain, plain)
+    there, rows = judging.whitening, judging.whitening.rows
+    quick = simulate(chosen, everything, given=at_rate(chosen.x, 1.0 + _RATE_STEP))
+    moved = [explained, np.ones_like(explained), (quick - explained) / _RATE_STEP]
+    shapes = rows.merged(np.column_stack(moved))
+    factor = there.factor(1.0, left_deg / max(bench.gap_deg, 1e-9))
+    white_left = there.white(factor, rows.merged(grid.angle_deg - explained))
+    slips = at_port("zeros", chosen.ids) is not None
+    own = nuisance_scales(bench, slips)[[GAIN, REST, TIME_SCALE]]
+    trial = np.concatenate([group.trial for group in rows.groups])
+    count = np.concatenate([group.count for group in rows.groups])
+    squares = np.empty(rows.size)
+    for one in np.unique(trial):
+        here = trial == one
+        white = there.white(factor, np.where(here[:, None], shapes, 0.0))
+        spread = np.linalg.inv(white.T @ white + np.diag(own**-2.0))
+        mean, z = spread @ (white.T @ white_left), shapes[here]
+        squares[here] = (z @ mean) ** 2 + np.einsum("ij,jk,ik->i", z, spread, z)
+    spectrum, noise = bench.noise.spectrum, everything.noise_deg**2
+    if chosen.line is not None:
+        # A fast interference is no white noise, and hardly shows in averages over many samples.
+        noise = min(noise, spectrum.white)
+    scatter = np.average(squares, weights=count)
+    return float(np.sqrt(scatter + noise + spectrum.coloured.sum()))
+
+
+def held_to(verdict: Verdict, claimed: Claim, closing: float) -> Verdict:
+    """Take sets that close less than `closing` of the gap on held-out trials out of an answer.
+
+    What they were probable by goes to an unknown cause.
+    """
+    if not verdict.sets:
+        return verdict
+    useless = {named for named in claimed.closed if not claimed.closes(named, closing)}
+    lost = sum(s.probability for s in verdict.scored if s.named in useless)
+    scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
+    scored.sort(key=lambda s: -s.probability)
+    again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
+    unknown = "unknown" in (verdict.kind, again.kind)
+    sets = [named for named in again.sets if named in verdict.sets]
+    if unknown:
+        # What is no answer is said for what it explains elsewhere, also where chance is in it.
+        sets = [named for named in sets if claimed.closed.get(named, 0.0) >= SETTINGS.worth]
+    else:
+        sets = [named for named in sets if claimed.closes(named, closing)]
+    kind: Kind = "ambiguous" if len(sets) > 1 else "cause"
+    return replace(again, kind="unknown" if unknown or not sets else kind, sets=tuple(sets))
+
+
+def beyond_expected(verdict: Verdict, size: float) -> Verdict:
+    """Hold an answer against the size of the gap, over that of what a reference misses, too.
+
+    `size` is the RMS of the gap, in units of what a law learned from a reference misses of other
+    trials.
+    """
+    if size <= 1.0:
+        if any(LIBRARY[name].stage == "drive" for named in verdict.sets for name in named):
+            return verdict  # which the pressure shows
+        scored = [replace(s, probability=0.0 if s.named else 1.0) for s in verdict.scored]
+        scored.sort(key=lambda s: -s.probability)
+        return judge(scored, 0.0, verdict.unknown_drive)
+    if verdict.kind == "no_gap" and size > CLEARLY:
+        # No noise of the reference is as large.
+        scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
+        return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+    return verdict
+
+
+# --- the model -----------------------------------------------------------------------------------
+
+
+def on_all_trials(scored: Scored, examined: Examined) -> Explanation:
+    """Fit a set once more, to all trials; its drive stays as it is."""
+    known = exact(scored, examined)
+    if not examined.held.trials.any():
+        return known
+    return exact(replace(scored, angle=known.angle), examined, _bench_of_all(examined))
+
+
+def model_of(
+    known: Explanation | None, law: LawFound | None, examined: Examined, plain: Model
+) -> Model:
+    """Write what is known of all trials, and a law worth it, as a model that `predict` runs.
+
+    Where there is neither it is the plain model.
+    """
+    if law is not None:
+        beside = known or Explanation((), examined.found.plain, None, None)
+        with suppress(ValueError, BadInput):  # too steep for the steps that a prediction takes
+            again = law_at(_bench_of_all(examined), beside.angle, law.place)
+            model = augmented_model(replace(beside, angle=again.beside), examined.everything, plain)
+            model = replace(model, effects=(*model.effects, again.law.to_effect()))
+            return _remembering(model, examined)
+    if known is None:
+        return plain
+    return _remembering(augmented_model(known, examined.everything, plain), examined)
+
+
+def _bench_of_all(examined: Examined) -> Bench:
+    """Make all trials ready."""
+    found, trials = examined.found, examined.held.trials
+    if not trials.any():
+        return found.bench
+    y = found.plain.predicted_deg
+    gap = examined.everything.grid.angle_deg - y
+    return found.bench.without(np.zeros_like(trials)).with_gap(gap, y)
+
+
+def _remembering(model: Model, examined: Examined) -> Model:
+    """Let a model say what the specimen remembers at the end."""
+    memory = ending_memory(model, examined.everything.data)
+    return replace(model, extra={**model.extra, "memory": memory})

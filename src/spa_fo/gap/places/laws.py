@@ -2,28 +2,35 @@
 
 Every place is screened by the linear problem about what is known; the best are fitted. A place is
 as probable as its evidence says at the best share that a form may miss, by the rule of `decide`,
-against the other places and against no law at all. Named explanations take no part in it.
+against the other places and against no law at all. Named explanations take no part in it. The law
+of the drive is fitted to the measured pressure instead: how fast it fills and vents, by what the
+command is above it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from spa_fo.gap.data.evidence import Evidence
-from spa_fo.gap.diagnosis import Likeness
 from spa_fo.gap.fit.bench import SHARES, Bench
+from spa_fo.gap.fit.mixed import Normal, Prior, Solution, solve
+from spa_fo.gap.fit.pressure import resolution, timing_error
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.noise.whitening import Factor
-from spa_fo.gap.places.filling import FillingFit
-from spa_fo.gap.places.law_basis import Basis, motion_basis, order_basis, relaxation_basis
+from spa_fo.gap.places.law_basis import (
+    ORDERED,
+    Basis,
+    motion_basis,
+    order_basis,
+    relaxation_basis,
+)
 from spa_fo.gap.places.law_problem import LawFit, fit_law
-from spa_fo.gap.places.resemblance import likenesses
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.memory import STEPS_S
@@ -33,102 +40,50 @@ Floats = NDArray[np.float64]
 _FITTED = 3  # places that are fitted, best of the screening
 _ENOUGH, _MOST_TRIED = 0.05, 12  # of the search without a law
 
-
-@dataclass(frozen=True)
-class PlacedLaw:
-    """A law at its place.
-
-    Attributes
-    ----------
-    fit : LawFit
-        Its fit.
-    probability : float
-        Of its place, all places and no law at all together 1.
-    nats : float
-        Log evidence against no law.
-    resembles : tuple of Likeness
-        Forms, the most alike first.
-    """
-
-    fit: LawFit
-    probability: float
-    nats: float
-    resembles: tuple[Likeness, ...]
+_TIMES_S = np.geomspace(0.03, 3.0, 13)  # first-order drives that a fit of one may begin with
+_ROUNDS, _HALVED = 8, 6
+_STEP = 1e-3
+_MOST_ALIKE = 0.99  # correlation of neighbouring samples
 
 
-def place_laws(bench: Bench, base: Fitted) -> tuple[PlacedLaw, ...]:
-    """Fit a law at every place beside an explanation, the most probable first.
-
-    Parameters
-    ----------
-    bench : Bench
-        The campaign; trials that judge take no part in it.
-    base : Fitted
-        What is known: the plain model, or the part that has a name.
-    """
+def place_laws(bench: Bench, base: Fitted) -> list[LawFit]:
+    """Fit a law at every place but the drive's beside what is known, the most probable first."""
     factors = [bench.whitening.factor(base.level, s) for s in (SETTINGS.search_share, *SHARES)]
     without = _without_law(bench, base, factors)
     screened = []
-    for basis in bases(bench, base):
-        for changed in _variants(bench, base, basis):
-            start = replace(base, changed=changed)
-            with suppress(ValueError):  # too steep for any motion: there is no such law
-                screened.append(_fit(bench, start, basis, factors, rounds=1))
+    for basis, start in _candidates(bench, base):
+        with suppress(ValueError):  # too steep for any motion: there is no such law
+            screened.append(fit_law(bench, start, basis, factors, rounds=1))
     screened.sort(key=lambda fit: -_score(fit.logs))
-    fits = []
-    for fit in screened[:_FITTED]:
-        try:
-            fits.append(_fit(bench, replace(base, changed=fit.changed), fit.basis, factors))
-        except ValueError:  # what lies beyond the screening is too steep
-            fits.append(fit)
-    places = {fit.basis.place: fit for fit in sorted(fits + screened[_FITTED:], key=_worth)}
-    scores = np.array([_score(without), *(_score(fit.logs) for fit in places.values())])
+    for k, fit in enumerate(screened[:_FITTED]):
+        start = replace(base, changed=fit.beside.changed)
+        with suppress(ValueError):  # what lies beyond the screening is too steep
+            screened[k] = fit_law(bench, start, fit.basis, factors)
+    # Of the variants of one place the best stands.
+    screened.sort(key=lambda fit: _score(fit.logs))
+    fits = list({fit.basis.place: fit for fit in screened}.values())
+    scores = np.array([_score(without), *(_score(fit.logs) for fit in fits)])
     probability = np.exp(scores - logsumexp(scores))[1:]
-    ordered = sorted(
-        zip(places.values(), probability.tolist(), strict=True), key=lambda each: -each[1]
-    )
-    return tuple(
-        PlacedLaw(
-            fit,
-            share,
-            float(fit.logs[1:].max() - without[1:].max()),
-            likenesses(fit.basis, fit.e, fit.covariance, _line(fit)),
-        )
-        for fit, share in ordered
-        if share >= SETTINGS.least and _score(fit.logs) > scores[0]
-    )
+    placed = [
+        replace(fit, probability=share, nats=float(fit.logs[1:].max() - without[1:].max()))
+        for fit, share, score in zip(fits, probability.tolist(), scores[1:], strict=True)
+        if share >= SETTINGS.least and score > scores[0]
+    ]
+    return sorted(placed, key=lambda fit: -fit.probability)
 
 
 def law_at(bench: Bench, base: Fitted, place: str) -> LawFit:
-    """Fit the law of one place beside an explanation."""
+    """Fit the law of one place beside an explanation; `ValueError` where it is too steep."""
+    if place == "filling":
+        return drive_law(bench.evidence, base)
     factors = [bench.whitening.factor(base.level, SETTINGS.search_share)]
-    fits = [
-        _fit(bench, replace(base, changed=changed), basis, factors)
-        for basis in bases(bench, base)
-        if basis.place == place
-        for changed in _variants(bench, base, basis)
-    ]
+    candidates = [each for each in _candidates(bench, base) if each[0].place == place]
+    fits = [fit_law(bench, start, basis, factors) for basis, start in candidates]
     return max(fits, key=lambda fit: float(fit.logs[0]))
 
 
-def drive_law(evidence: Evidence, base: Fitted) -> PlacedLaw:
-    """Fit the law of the filling to the measured pressure, in the place of what the drive does."""
-    found = FillingFit(evidence)
-    fit = LawFit(
-        basis=found.basis,
-        changed=base.changed,
-        e=found.e,
-        covariance=found.covariance,
-        z=base.z,
-        effects=base.effects,
-        predicted_deg=base.predicted_deg,
-        logs=np.zeros(len(SHARES) + 1),
-    )
-    return PlacedLaw(fit, 1.0, 0.0, likenesses(fit.basis, fit.e, fit.covariance))
-
-
 def bases(bench: Bench, base: Fitted) -> list[Basis]:
-    """Lay a law at every place over what the trials visited."""
+    """Lay a law at every place but the drive's over what the trials visited."""
     chain, grid = bench.chain, bench.evidence.grid
     trial = np.searchsorted(grid.step_starts[1:], np.arange(grid.level.size), side="right")
     used = (grid.cells > 0) & bench.evidence.takes_part[trial]
@@ -142,25 +97,22 @@ def bases(bench: Bench, base: Fitted) -> list[Basis]:
         "damping": (angle - before) / step_s,
         "reading": angle,
     }
-    weight = step_s[used]
-    laid = [motion_basis(place, over[used], weight) for place, over in visited.items()]
+    laid = [motion_basis(place, over[used], step_s[used]) for place, over in visited.items()]
     longest = float(np.max(np.diff(grid.cell_starts))) * float(STEPS_S[0])
     orders = grid.orders[bench.evidence.takes_part].astype(np.float64)
-    by_order = [order_basis(place, orders) for place in ("trial_gain", "trial_rest")]
+    by_order = [order_basis(place, orders) for place in ORDERED]
     return [*laid, relaxation_basis(longest), *(each for each in by_order if each is not None)]
 
 
-def _variants(bench: Bench, base: Fitted, basis: Basis) -> tuple[bool, ...]:
-    """Whether a misread angle is that of later calibrations too: nobody knows beforehand."""
-    if basis.place == "reading" and bench.evidence.drift_deg.size:
-        return (False, True)
-    return (base.changed,)
+def _candidates(bench: Bench, base: Fitted) -> Iterator[tuple[Basis, Fitted]]:
+    """Give each place's basis with what stands beside it.
 
-
-def _fit(
-    bench: Bench, base: Fitted, basis: Basis, factors: Sequence[Factor], rounds: int = 4
-) -> LawFit:
-    return fit_law(bench, base.ids, base.changed, base.z, base.variances, basis, factors, rounds)
+    Whether a misread angle is that of later calibrations too, nobody knows beforehand.
+    """
+    for basis in bases(bench, base):
+        unsure = basis.place == "reading" and bench.evidence.drift_deg.size
+        for changed in (False, True) if unsure else (base.changed,):
+            yield basis, replace(base, changed=changed)
 
 
 def _without_law(bench: Bench, base: Fitted, factors: Sequence[Factor]) -> Floats:
@@ -169,8 +121,7 @@ def _without_law(bench: Bench, base: Fitted, factors: Sequence[Factor]) -> Float
     spread = problem.spread(base.variances)
     found = problem.search(base.z, factors[0], spread, _ENOUGH, _MOST_TRIED)
     linear = problem.linear(found.z)
-    weighed = [problem.weigh(linear, factor, base.variances, rounds=3) for factor in factors]
-    return np.array([log for log, _, _ in weighed])
+    return np.array([problem.weigh(linear, f, base.variances, rounds=3)[0] for f in factors])
 
 
 def _score(logs: Floats) -> float:
@@ -179,10 +130,81 @@ def _score(logs: Floats) -> float:
     return float(np.max(SETTINGS.temper * logs[1:] - costs))
 
 
-def _worth(fit: LawFit) -> float:
-    return _score(fit.logs)
+# --- the drive -----------------------------------------------------------------------------------
 
 
-def _line(fit: LawFit) -> float | None:
-    """Slope of the line that the plain model has at a law's place, where a form may replace it."""
-    return 1.0 if fit.basis.place in ("input_map", "reading") else None
+def drive_law(evidence: Evidence, base: Fitted) -> LawFit:
+    """Fit the law of the filling to the measured pressure, in the place of what the drive does."""
+    filling = _Filling(evidence)
+    e, covariance = filling.fitted()
+    return LawFit(filling.basis, e, covariance, base, np.zeros(len(SHARES) + 1))
+
+
+class _Filling:
+    """The measured pressure of the trials that take part, and a law of it."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self.grid, self.used = evidence.grid, evidence.used
+        assert self.grid.command_kpa is not None
+        assert self.grid.measured_kpa is not None
+        self.command = self.grid.command_kpa
+        self.measured = self.grid.measured_kpa[self.used]
+        counts = self.grid.counts[self.used]
+        white = evidence.pressure_noise_kpa**2 / counts + resolution(evidence) ** 2 / 12.0
+        self.sigma = np.sqrt(white + timing_error(evidence)[self.used] ** 2)
+        above = self.grid.sampled(self.command)[self.used] - self.measured
+        self.basis = motion_basis("filling", above, counts, straight=True)
+
+    def fitted(self) -> tuple[Floats, Floats]:
+        """Find coefficients by Gauss and Newton, and their covariance."""
+        m = self.basis.size
+        lags = [self.basis.coefficients(self.basis.knots / time) for time in _TIMES_S]
+        e = min(lags, key=self._square)
+        scale, square = float(np.sqrt(np.mean(e**2))), self._square(e)
+        variances = np.array([scale**2])
+        for _ in range(_ROUNDS):
+            solution = self._solved(e, variances, scale)
+            variances = solution.variances
+            step, before = solution.coefficients[:m] - e, square
+            for part in 0.5 ** np.arange(_HALVED):
+                there = self._square(e + part * step)
+                if there < square:
+                    e, square = e + part * step, there
+                    break
+            if before - square < 1e-3 * before:
+                break
+        # More of the pressure is left, and for longer, than noise would leave.
+        left = self._left(e)
+        alike = min(max(float(left[1:] @ left[:-1]) / square, 0.0), _MOST_ALIKE)
+        overdone = max(square / left.size * (1.0 + alike) / (1.0 - alike), 1.0)
+        return e, solution.covariance()[:m, :m] * overdone
+
+    def _predicted(self, e: Floats) -> Floats:
+        cells = self.basis.law(e).driven(self.command, self.grid.cell_starts)
+        return self.grid.sampled(cells)[self.used]
+
+    def _left(self, e: Floats) -> Floats:
+        return (self.measured - self._predicted(e)) / self.sigma
+
+    def _square(self, e: Floats) -> float:
+        left = self._left(e)
+        return float(left @ left) if np.isfinite(left).all() else np.inf
+
+    def _solved(self, e: Floats, variances: Floats, scale: float) -> Solution:
+        """Solve the linear problem, with the pressure sensor's offset and gain as nuisances."""
+        m, here = self.basis.size, self._predicted(e)
+        slopes = [
+            (self._predicted(e + step) - here) / (_STEP * scale)
+            for step in _STEP * scale * np.eye(m)
+        ]
+        h = np.column_stack([*slopes, np.ones(here.size), here]) / self.sigma[:, None]
+        left = (self.measured - here) / self.sigma + h[:, :m] @ e
+        known = np.square([SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain])
+        prior = Prior(
+            np.zeros(m + 2),
+            np.append(np.ones(m), known),
+            np.append(np.zeros(m, dtype=np.int64), [-1, -1]),
+            np.array([scale]),
+        )
+        normal = Normal(h.T @ h, h.T @ left, float(left @ left), 0.0, here.size)
+        return solve(normal, prior, variances)

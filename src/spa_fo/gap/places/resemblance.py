@@ -7,7 +7,8 @@ a line of any slope.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,137 +18,80 @@ from spa_fo.gap.places.law_basis import Basis
 from spa_fo.plant.law import Place
 
 Floats = NDArray[np.float64]
-Form = Callable[[Floats, float], Floats]
 
 _LEAST = 0.75  # of a curve, that a form has to give to be named
 _STRAIGHT = 0.9  # a line that gives so much needs no other form beside it
 _FORMS_NAMED = 3
+_WHOLE = ("input_map", "reading")  # where the plain model has a line, of slope 1
 _RESISTING = ("moment", "damping")  # a load against the motion grows downwards
 _TOGETHER = 0.8  # of a spectrum, in neighbouring times: it is one time
-_TIMES = ("time_s", "typical_s")
 _EXPONENTS = np.concatenate([np.linspace(0.2, 0.96, 39), np.linspace(1.04, 5.0, 100)])
 _SHARES = np.geomspace(0.01, 20.0, 120)  # of the range
-_INSIDE = np.linspace(0.02, 0.9, 80)
 
 
-def _power(q: Floats, exponent: float) -> Floats:
-    return np.asarray(q**exponent)
+class _Form(NamedTuple):
+    name: str
+    parameter: str
+    curve: Callable[[Floats, Floats], Floats]  # over positive values, for the parameter's
+    tried: Floats  # values of the parameter
+    of_range: bool = True  # whether these are shares of the range
 
 
-def _threshold(q: Floats, at: float) -> Floats:
-    return np.maximum(q - at, 0.0)
-
-
-def _saturation(q: Floats, at: float) -> Floats:
-    return np.asarray(-at * np.expm1(-q / at))
-
-
-def _logarithm(q: Floats, at: float) -> Floats:
-    return np.asarray(at * np.log1p(q / at))
-
-
-_FORMS: tuple[tuple[str, str, Form, Floats, bool], ...] = (
-    ("power", "exponent", _power, _EXPONENTS, False),
-    ("threshold", "at", _threshold, _INSIDE, True),
-    ("saturation", "scale", _saturation, _SHARES, True),
-    ("logarithm", "scale", _logarithm, _SHARES, True),
+_LINE = _Form("linear", "slope", lambda q, slope: slope * q, np.ones(1), of_range=False)
+_FORMS = (
+    _Form("power", "exponent", lambda q, n: q**n, _EXPONENTS, of_range=False),
+    _Form("threshold", "at", lambda q, at: np.maximum(q - at, 0.0), np.linspace(0.02, 0.9, 80)),
+    _Form("saturation", "scale", lambda q, at: -at * np.expm1(-q / at), _SHARES),
+    _Form("logarithm", "scale", lambda q, at: at * np.log1p(q / at), _SHARES),
 )
 
 
-def likenesses(
-    basis: Basis, e: Floats, covariance: Floats, line: float | None = None
-) -> tuple[Likeness, ...]:
-    """Compare a law with every form, the most alike first.
-
-    Parameters
-    ----------
-    basis : Basis
-        The law's.
-    e, covariance : (m,), (m, m) arrays
-        Its coefficients.
-    line : float, optional
-        Slope of the line that the law stands beside, in its own units, where that is known.
-    """
+def likenesses(basis: Basis, e: Floats, covariance: Floats) -> tuple[Likeness, ...]:
+    """Compare a law of coefficients (m,) with every form, the most alike first."""
     if basis.place == "relaxation":
         return (_of_spectrum(basis, e),)
-    named: list[Likeness] = []
-    if line is not None:
-        named = _named([_best(basis, e, covariance, line, *form) for form in _FORMS])
-    if not named:
-        found = [_best(basis, e, covariance, None, *form) for form in _FORMS]
-        if basis.keeps_line:
-            found.append(_straight(basis, e, covariance))
-        named = _named(found)
-    return tuple(named)
+    if basis.place in _WHOLE:
+        named = _named(_best(basis, e, covariance, form, whole=True) for form in _FORMS)
+        if named:
+            return named
+    forms = (*_FORMS, _LINE) if basis.keeps_line else _FORMS
+    return _named(_best(basis, e, covariance, form) for form in forms)
 
 
-def _named(found: list[Likeness]) -> list[Likeness]:
-    straight = [each for each in found if each.form == "linear" and each.explains >= _STRAIGHT]
-    if straight:
-        return straight
-    alike = [each for each in found if each.explains >= _LEAST]
-    return sorted(alike, key=lambda each: -each.explains)[:_FORMS_NAMED]
+def _named(found: Iterable[Likeness]) -> tuple[Likeness, ...]:
+    alike = sorted((each for each in found if each.explains >= _LEAST), key=lambda x: -x.explains)
+    straight = [each for each in alike if each.form == "linear" and each.explains >= _STRAIGHT]
+    return tuple(straight or alike[:_FORMS_NAMED])
 
 
 def _best(
-    basis: Basis,
-    e: Floats,
-    covariance: Floats,
-    line: float | None,
-    name: str,
-    parameter: str,
-    form: Form,
-    tried: Floats,
-    relative: bool,
+    basis: Basis, e: Floats, covariance: Floats, form: _Form, whole: bool = False
 ) -> Likeness:
-    """Fit one form: the parameter that leaves least."""
-    span = max(abs(basis.high), abs(basis.low))
-    if relative:
-        tried = tried * span
-    precision = np.linalg.inv(covariance)
-    best, least = (tried[0], np.zeros_like(e)), np.inf
-    for value, shape in _shapes(basis, form, tried, line):
-        # With a line beside it the amplitude is given; else it is the most probable one.
-        size = 1.0 if line is not None else float(shape @ precision @ e)
-        if line is None:
-            size /= max(float(shape @ precision @ shape), 1e-30)
-        if basis.is_odd and size * (-1.0 if basis.place in _RESISTING else 1.0) <= 0.0:
-            continue  # a form that bends the other way is another form
-        left = e - size * shape
-        misfit = float(left @ precision @ left)
-        if misfit < least:
-            best, least = (value, size * shape), misfit
-    return _likeness(basis, e, best[1], name, {parameter: float(best[0])})
-
-
-def _shapes(
-    basis: Basis, form: Form, tried: Floats, line: float | None
-) -> Iterator[tuple[float, Floats]]:
-    """Give the form's bent part in the law's coefficients, for each value of its parameter."""
+    """Fit one form: the parameter that leaves least; of a whole relation the line is known."""
+    tried = form.tried * (np.abs(basis.over).max() if form.of_range else 1.0)
     knots = basis.knots - (0.0 if basis.is_odd else basis.knots[0])
-    for value in tried.tolist():
-        whole = np.sign(knots) * form(np.abs(knots), value)
-        slope = float(basis.taken @ whole)
-        if line is None:
-            yield value, basis.coefficients(whole - slope * basis.line)
-        elif abs(slope) > 1e-12:
-            yield value, basis.coefficients(line / slope * whole - line * basis.line)
-
-
-def _straight(basis: Basis, e: Floats, covariance: Floats) -> Likeness:
-    shape = basis.coefficients(basis.knots - (0.0 if basis.is_odd else basis.knots.mean()))
-    precision = np.linalg.inv(covariance)
-    size = float(shape @ precision @ e) / max(float(shape @ precision @ shape), 1e-30)
-    return _likeness(basis, e, size * shape, "linear", {"slope": size})
-
-
-def _likeness(
-    basis: Basis, e: Floats, like: Floats, name: str, parameters: dict[str, float]
-) -> Likeness:
-    curve = basis.curve(basis.drawn_over())
-    left, whole = np.mean((curve @ (e - like)) ** 2), np.mean((curve @ e) ** 2)
-    explains = 1.0 - float(np.sqrt(left / max(float(whole), 1e-30)))
-    return Likeness(name, explains, parameters, curve @ like)
+    curves = np.sign(knots) * form.curve(np.abs(knots), tried[:, None])
+    slopes = curves @ basis.taken
+    if whole:
+        use = np.abs(slopes) > 1e-12
+        tried, curves = tried[use], curves[use] / slopes[use, None]
+        slopes = np.ones(tried.size)
+    shapes = basis.coefficients((curves - slopes[:, None] * basis.line).T)
+    sizes = np.ones(tried.size)
+    if not whole:  # the amplitude is the most probable one
+        weighted = np.linalg.solve(covariance, shapes)
+        sizes = (e @ weighted) / np.maximum(np.sum(shapes * weighted, axis=0), 1e-30)
+    left = e[:, None] - sizes * shapes
+    misfit = np.sum(left * np.linalg.solve(covariance, left), axis=0)
+    if basis.is_odd:  # a form that bends the other way is another form
+        misfit[sizes * (-1.0 if basis.place in _RESISTING else 1.0) <= 0.0] = np.inf
+    k = int(np.argmin(misfit))
+    like = sizes[k] * shapes[:, k] if misfit[k] < np.inf else np.zeros_like(e)
+    curve = basis.curve(basis.over)
+    missed, size = np.mean((curve @ (e - like)) ** 2), np.mean((curve @ e) ** 2)
+    explains = 1.0 - float(np.sqrt(missed / max(float(size), 1e-30)))
+    value = float((sizes if form is _LINE else tried)[k])
+    return Likeness(form.name, explains, {form.parameter: value}, curve @ like)
 
 
 def _of_spectrum(basis: Basis, e: Floats) -> Likeness:
@@ -166,8 +110,8 @@ def _of_spectrum(basis: Basis, e: Floats) -> Likeness:
 
 
 def likeness_words(like: Likeness, place: Place) -> str:
-    """Name a form with its parameter."""
+    """Name a form with its parameter, in the units of its place."""
     name, value = next(iter(like.parameters.items()))
-    unit = {"at": place.over_unit, "scale": place.over_unit, **dict.fromkeys(_TIMES, "s")}.get(name)
-    said = f"{name.removesuffix('_s')} {value:.3g}{f' {unit}' if unit else ''}"
+    unit = "s" if name.endswith("_s") else place.over_unit if name in ("at", "scale") else ""
+    said = f"{name.removesuffix('_s')} {value:.3g} {unit}".rstrip()
     return f"{like.form} ({said})"
