@@ -91,11 +91,9 @@ def test_every_fit_that_is_ranked_is_searched_to_the_end(lagged: Explanations) -
     assert {ids: f.decrement for ids, f in ranked.items() if f.decrement >= 0.01} == {}
 
 
-def test_what_is_not_searched_to_its_end_is_far_behind(clean: CampaignData) -> None:
-    more = (*FEW, "contact_stop", "gravity_load", "sensor_saturation", "hysteresis")
-    found = explain(bench_of(lagging(clean)), tuple(name for name in IDS if name not in more))
-    best = max(f.quick for f in found.fits.values())
-    rough = [f for f in found.fits.values() if f.decrement >= 0.01]
+def test_what_is_not_weighed_is_far_behind(lagged: Explanations) -> None:
+    best = max(f.quick for f in lagged.fits.values())
+    rough = [f for f in lagged.fits.values() if not np.isfinite(f.logs).all()]
     assert rough
     assert all(f.quick + HOPE * f.decrement < best - 60.0 for f in rough)
 
