@@ -87,7 +87,6 @@ def test_a_gap_of_the_fixture_makes_the_response_less_sure() -> None:
 def test_what_may_have_shifted_is_known_as_far_as_it_may() -> None:
     centre, known = identified(USUAL, NOISE, 6.0)
     moved = known.shifted(centre)
-    assert moved.shifted(centre) is moved
     s = SETTINGS
     shift = searched_spread(centre, s.shift_orders, s.shift_logs, s.shift_gain)
     np.testing.assert_allclose(moved.spread, known.spread + shift)

@@ -76,9 +76,9 @@ class Bench:
         """Coefficients that a search may begin with."""
         return [self.centre, self.given] if self.own else [self.centre]
 
-    def shifted(self) -> Bench:
-        """Return the bench of an actuator whose parameters may have shifted."""
-        return replace(self, coefficients=self.coefficients.shifted(self.centre))
+    def freed(self) -> Bench:
+        """Return the bench of an actuator whose coefficients give way to a law beside them."""
+        return replace(self, coefficients=self.coefficients.about(self.centre))
 
     def with_gap(self, residual_deg: Floats, predicted_deg: Floats) -> Bench:
         """Say how large the gap is at each row, by what a plain model leaves, (n,) arrays."""

@@ -88,22 +88,26 @@ class Coefficients:
         Prior mean and covariance: a usual actuator as fast and as strong as the given model.
     response : KnownResponse or None
         None where the given model was fitted to this very campaign: it has bent with it.
-    moved : bool
-        Whether they may have shifted since.
     """
 
     mean: Floats
     spread: Floats
     response: KnownResponse | None = None
-    moved: bool = False
+
+    def about(self, z: Floats) -> Coefficients:
+        """Return what is known as if the valley about `z` were straight, and they had shifted."""
+        if self.response is None:
+            return self
+        slopes = self.response.slopes(z)
+        known = np.linalg.inv(slopes.T @ slopes + np.linalg.inv(self.spread))
+        return Coefficients(z, known + _shift(z))
 
     def shifted(self, z: Floats) -> Coefficients:
         """Return what is known where the parameters have shifted since, about `z`."""
-        if self.response is None or self.moved:
+        if self.response is None:
             return self
-        s = SETTINGS
-        shift = searched_spread(z, s.shift_orders, s.shift_logs, s.shift_gain)
-        return Coefficients(self.mean, self.spread + shift, self.response.wider(z, shift), True)
+        shift = _shift(z)
+        return Coefficients(self.mean, self.spread + shift, self.response.wider(z, shift))
 
     def likeliest(self, starts: list[Floats]) -> Floats:
         """Search for the most probable ones, (5,), from the best of some points."""
@@ -119,6 +123,12 @@ class Coefficients:
             for start in starts
         ]
         return np.asarray(min(found, key=lambda f: float(f.cost)).x)
+
+
+def _shift(z: Floats) -> Floats:
+    """Covariance of what another specimen, or a later day, differs by."""
+    s = SETTINGS
+    return searched_spread(z, s.shift_orders, s.shift_logs, s.shift_gain)
 
 
 def usual(given: Floats, horizon_s: float) -> Coefficients:

@@ -39,7 +39,7 @@ class LawProblem(AngleProblem):
         self.basis, self.e, self.bare = basis, e, bench.chain
         self.step = _STEP * scale
         # A law's straight part is the coefficients': they may have shifted.
-        own = replace(bench.shifted(), chain=with_law(bench.chain, basis.law(e)))
+        own = replace(bench.freed(), chain=with_law(bench.chain, basis.law(e)))
         super().__init__(own, base.ids, base.changed)
         self.group = np.append(self.group, np.full(basis.size, self.scales.size))
         self.variance = np.append(self.variance, np.ones(basis.size))

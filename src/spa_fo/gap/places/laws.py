@@ -117,7 +117,7 @@ def _candidates(bench: Bench, base: Fitted) -> Iterator[tuple[Basis, Fitted]]:
 
 def _without_law(bench: Bench, base: Fitted, factors: Sequence[Factor]) -> Floats:
     """Log evidence of what is known by itself, its coefficients as free as beside a law."""
-    problem = AngleProblem(bench.shifted(), base.ids, base.changed)
+    problem = AngleProblem(bench.freed(), base.ids, base.changed)
     spread = problem.spread(base.variances)
     found = problem.search(base.z, factors[0], spread, _ENOUGH, _MOST_TRIED)
     linear = problem.linear(found.z)
