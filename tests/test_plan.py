@@ -30,7 +30,6 @@ from spa_fo.gap.plan.next_steps import next_steps
 from spa_fo.gap.plan.profile_choice import SEPARABLE, plan, recommendation, runs, table
 from spa_fo.gap.plan.profiles import (
     BANNER,
-    COLUMNS,
     FEW,
     NAMES,
     Limits,
@@ -49,7 +48,7 @@ from spa_fo.plant.chain import chain_for
 from spa_fo.plant.effects.library import IDS, LIBRARY, absent
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
-from spa_fo.rig.command_profile import read_profile
+from spa_fo.rig.command_profile import COLUMNS, read_profile
 
 FLOOR_DEG, FLOOR_KPA = 0.4, 0.5
 CURVE_DEG = np.full(8, 0.15)
