@@ -110,10 +110,6 @@ def _triangles(count: int, ramp_s: float, rest_s: float) -> list[Move]:
     return [*[(1.0, ramp_s, 0.0), (0.0, ramp_s, 0.0)] * count, (0.0, 0.0, rest_s)]
 
 
-def _peaks(shares: Iterable[float]) -> list[Move]:
-    return [move for share in shares for move in 2 * [(share, 2.0, 2.0), (0.0, 2.0, 3.0)]]
-
-
 def _return_curves() -> list[Move]:
     depths = (0.25, 0.5, 0.75, 1.0)
     turns = [move for d in depths for move in ((1.0 - d, 10.0 * d, 0.0), (1.0, 10.0 * d, 0.0))]
@@ -125,28 +121,12 @@ def _squares(halves_s: Iterable[float]) -> list[Move]:
     return [*(move for wave in waves for move in wave), (0.0, 0.0, 6.0)]
 
 
-def _traced(wave: Floats) -> list[Move]:
-    """Trace a wave between -1 and 1 about half the pressure."""
-    shares = (0.5 + 0.5 * wave).tolist()
-    return [(0.5, 4.0, 4.0), *((share, _TRACE_S, 0.0) for share in shares), (0.0, 2.0, 4.0)]
-
-
-def _chirp() -> list[Move]:
-    """Give a sine whose frequency grows exponentially."""
-    low_hz, high_hz, seconds = 0.05, 1.5, 45.0
+def _chirp(low_hz: float, high_hz: float, seconds: float) -> list[Move]:
+    """Trace a sine about half the pressure whose frequency grows exponentially."""
     rate = math.log(high_hz / low_hz) / seconds
-    grown = np.expm1(rate * np.arange(0.0, seconds, _TRACE_S))
-    return _traced(np.sin(2.0 * np.pi * low_hz / rate * grown))
-
-
-def _multisine() -> list[Move]:
-    """Add up sines with Schroeder's phases, whose crest is low (doi:10.1109/TIT.1970.1054411)."""
-    t = np.arange(0.0, 40.0, _TRACE_S)
-    tones = np.array([1, 3, 7, 15, 31]) / 20.0
-    order = np.arange(tones.size)
-    phase = -np.pi * order * (order - 1) / tones.size
-    wave = np.cos(2.0 * np.pi * tones[:, None] * t + phase[:, None]).sum(axis=0)
-    return _traced(wave / np.abs(wave).max())
+    phase = 2.0 * np.pi * low_hz / rate * np.expm1(rate * np.arange(0.0, seconds, _TRACE_S))
+    shares = (0.5 + 0.5 * np.sin(phase)).tolist()
+    return [(0.5, 4.0, 4.0), *((share, _TRACE_S, 0.0) for share in shares), (0.0, 2.0, 4.0)]
 
 
 _STAIRS = (0.2, 0.4, 0.6, 0.8, 1.0)
@@ -168,10 +148,6 @@ _SHAPES: dict[str, tuple[str, Sequence[Move]]] = {
         "long between them",
         _steps((0.25, 1.0, 0.5, 0.75), 7.0, 7.0),
     ),
-    "slow triangles": (
-        "two slow triangles to {100 %}, {25 s} up and as long down",
-        _triangles(2, 25.0, 5.0),
-    ),
     "fast triangles": (
         "eight fast triangles to {100 %}, {1 s} up and as long down",
         _triangles(8, 1.0, 6.0),
@@ -184,10 +160,6 @@ _SHAPES: dict[str, tuple[str, Sequence[Move]]] = {
         "a staircase up to {100 %} in five stairs and down again by the same, {7 s} on each, "
         "then vent",
         [*((share, 0.0, 7.0) for share in (*_STAIRS, *_STAIRS[-2::-1])), (0.0, 0.0, 10.0)],
-    ),
-    "ratchet": (
-        "growing peaks to {100 %} in five sizes, each twice, vented between them",
-        _peaks(_STAIRS),
     ),
     "hold and recovery": (
         "step to {100 %}, held for {60 s}, then vent and go on recording for {55 s}",
@@ -209,11 +181,7 @@ _SHAPES: dict[str, tuple[str, Sequence[Move]]] = {
     "chirp": (
         "a sine about {50 %} of {50 %} amplitude, its frequency rising from 0.05 to 1.5 Hz in "
         "{45 s}",
-        _chirp(),
-    ),
-    "multisine": (
-        "five sines at once about {50 %}, between nothing and {100 %}, for {40 s}",
-        _multisine(),
+        _chirp(0.05, 1.5, 45.0),
     ),
     "rich": (
         "a bit of everything up to {100 %}: two steps with release, a staircase up and down, a "
