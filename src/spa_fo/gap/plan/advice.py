@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import ceil
 
 import pandas as pd
@@ -18,7 +19,7 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.plan.profiles import NAMES, Limits, Profile, family, limits_of
 from spa_fo.gap.plan.remedies import remedies, twins
-from spa_fo.gap.plan.rivals import Rival, Standing
+from spa_fo.gap.plan.rivals import Ids, Rival, Standing
 from spa_fo.gap.plan.separation import PairwiseSeparation
 from spa_fo.plant.effects.library import absent
 from spa_fo.rig import CampaignData
@@ -28,60 +29,32 @@ SEPARABLE = 0.3
 _CLEAR = 2.0  # noise floors of the mean of all runs
 _RUNS = (3, 12)
 _MOST_NAMED = 3  # pairs in a sentence
-_RICH = "rich"
-
-Separations = tuple[float, ...]
-"""Of each pair, in noise floors."""
+_RICH, _NOW = "rich", "this campaign"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Profiles and how well each would separate the explanations.
+    """Profiles, best first, and how well each separates pairs of explanations, in noise floors.
 
-    Attributes
-    ----------
-    rivals : tuple of Rival
-        The explanations.
-    pairs : tuple of (int, int)
-        Which of them are compared.
-    tapped : bool
-        Whether the pressure is measured.
-    now : tuple of float
-        Separation of each pair by the campaign's own protocol, in noise floors.
-    profiles : tuple of Profile
-        Best first.
-    after : tuple of tuples of float
-        By each profile, for each pair.
-    separable : tuple of int
-        Places in `pairs` of those that some profile separates.
+    `pairs` gives two sets of effects by their pair's name. `scores` holds a column for each pair,
+    a row for the campaign itself and for each profile. `separable` names the pairs that some
+    profile separates; `score` and `now` are the smallest separation of these (of all, where there
+    are none) by the best profile and by the campaign.
     """
 
     rivals: tuple[Rival, ...]
-    pairs: tuple[tuple[int, int], ...]
     tapped: bool
-    now: Separations
+    pairs: dict[str, tuple[Ids, Ids]]
     profiles: tuple[Profile, ...]
-    after: tuple[Separations, ...]
-    separable: tuple[int, ...]
+    scores: pd.DataFrame
+    separable: list[str]
+    score: float
+    now: float
 
     @property
     def best(self) -> Profile:
         """The recommended profile."""
         return self.profiles[0]
-
-    @property
-    def inseparable(self) -> tuple[int, ...]:
-        """Places in `pairs` of those that no profile separates."""
-        return tuple(k for k in range(len(self.pairs)) if k not in self.separable)
-
-    def smallest(self, row: Separations) -> float:
-        """Smallest separation over the pairs that can be separated; over all where none can."""
-        return min(row[k] for k in self.separable or self.inseparable)
-
-    def versus(self, pair: int) -> str:
-        """Name the explanations of a pair."""
-        i, j = self.pairs[pair]
-        return f"{self.rivals[i].label} from {self.rivals[j].label}"
 
 
 @dataclass(frozen=True)
@@ -111,14 +84,7 @@ def plan_campaign(
 ) -> Advice:
     """Plan what follows the diagnosis of a campaign, with the whole catalogue of profiles.
 
-    Parameters
-    ----------
-    data : CampaignData
-        The campaign.
-    standing : Standing
-        What its diagnosis left open.
-    max_duration_s, max_pressure_kpa : float, optional
-        Limits in place of the campaign's own.
+    `max_duration_s` and `max_pressure_kpa` are limits in place of the campaign's own.
 
     Raises
     ------
@@ -134,15 +100,13 @@ def plan_campaign(
     return advise(standing, evidence, limits)
 
 
-def advise(
-    standing: Standing, evidence: Evidence, limits: Limits, names: tuple[str, ...] = NAMES
-) -> Advice:
-    """Plan what follows a verdict, from the profiles of these names; see `plan_campaign`."""
+def advise(standing: Standing, evidence: Evidence, limits: Limits) -> Advice:
+    """Plan what follows a verdict; see `plan_campaign`."""
     if standing.kind == "ambiguous":
-        made = plan(standing.rivals, evidence, standing.floor_deg, limits, names)
+        made = plan(standing.rivals, evidence, standing.floor_deg, limits)
         return Advice(recommendation(made), made.best, f"to tell {_apart(made)}", made)
     if standing.kind == "cause":
-        return _confirmation(standing, evidence, limits, names)
+        return _confirmation(standing, evidence, limits)
     richest = richest_profile(limits)
     if standing.kind == "no_gap":
         text = (
@@ -158,19 +122,16 @@ def advise(
     return Advice(text, richest, "to show more of a gap that nothing known explains")
 
 
-def _confirmation(
-    standing: Standing, evidence: Evidence, limits: Limits, names: tuple[str, ...]
-) -> Advice:
+def _confirmation(standing: Standing, evidence: Evidence, limits: Limits) -> Advice:
     """Find the profile on which the cause shows most against the plain model identified again."""
     cause = standing.rivals[0]
     plain = standing.plain or Rival((), cause.x, absent())
-    made = plan((cause, plain), evidence, standing.floor_deg, limits, names)
+    made = plan((cause, plain), evidence, standing.floor_deg, limits)
     if made.separable:
         profile = made.best
         way = (
             f"{profile.words}, where the plain model identified again would miss by "
-            f"{made.smallest(made.after[0]):.1f} noise floors (this campaign: "
-            f"{made.smallest(made.now):.1f})"
+            f"{made.score:.1f} noise floors (this campaign: {made.now:.1f})"
         )
     else:
         profile = richest_profile(limits)
@@ -186,40 +147,34 @@ def plan(
     limits: Limits | None = None,
     names: tuple[str, ...] = NAMES,
 ) -> Plan:
-    """Score profiles for two or more explanations of a campaign.
-
-    Parameters
-    ----------
-    rivals : sequence of Rival
-        The explanations.
-    evidence : Evidence
-        The campaign.
-    floor_deg : float
-        Its noise floor.
-    limits : Limits, optional
-        Of the profiles; the campaign's own by default.
-    names : tuple of str
-        Profiles to try.
+    """Score profiles for two or more explanations, within the campaign's limits by default.
 
     Raises
     ------
     BadInput
         No profile fits into the limits.
     """
-    profiles = _offered(limits or limits_of(evidence.grid), names)
+    profiles = {p.name: p for p in _offered(limits or limits_of(evidence.grid), names)}
     pairwise = PairwiseSeparation(evidence, floor_deg, rivals)
-    pairs, tapped = pairwise.pairs, evidence.has_pressure
-    after = [pairwise.after(profile) for profile in profiles]
-    separable = tuple(
-        k
-        for k, (i, j) in enumerate(pairs)
-        if not twins(rivals[i].ids, rivals[j].ids, tapped)
-        and max(row[k] for row in after) >= SEPARABLE
-    )
-    made = Plan(tuple(rivals), pairs, tapped, pairwise.now(), profiles, tuple(after), separable)
-    order = sorted(range(len(profiles)), key=lambda i: -made.smallest(after[i]))
-    return replace(
-        made, profiles=tuple(profiles[i] for i in order), after=tuple(after[i] for i in order)
+    pairs = {f"{a.label} from {b.label}": (a.ids, b.ids) for a, b in combinations(rivals, 2)}
+    scores = pd.DataFrame(map(pairwise.after, profiles.values()), list(profiles), list(pairs))
+    tapped = evidence.has_pressure
+    largest = scores.max()
+    separable = [
+        pair for pair in pairs if largest[pair] >= SEPARABLE and not twins(*pairs[pair], tapped)
+    ]
+    now = pd.DataFrame([pairwise.now()], [_NOW], list(pairs))
+    smallest = scores[separable or list(pairs)].min(axis=1)
+    best_first = smallest.sort_values(ascending=False, kind="stable").index
+    return Plan(
+        rivals=tuple(rivals),
+        tapped=tapped,
+        pairs=pairs,
+        profiles=tuple(profiles[name] for name in best_first),
+        scores=pd.concat([now, scores.loc[best_first]]),
+        separable=separable,
+        score=float(smallest.max()),
+        now=float(now[separable or list(pairs)].to_numpy().min()),
     )
 
 
@@ -244,21 +199,18 @@ def recommendation(made: Plan) -> str:
         words = to_run(made)
         sentences.append(
             f"{words[:1].upper()}{words[1:]}: it would separate {_apart(made)} by "
-            f"{made.smallest(made.after[0]):.1f} noise floors (this campaign: "
-            f"{made.smallest(made.now):.1f})."
+            f"{made.score:.1f} noise floors (this campaign: {made.now:.1f})."
         )
-    for pair in made.inseparable:
-        one, other = (made.rivals[k].ids for k in made.pairs[pair])
-        ways = "; or ".join(remedies(one, other, made.tapped))
-        sentences.append(f"No pressure profile separates {made.versus(pair)}: {ways}.")
+    for pair, (one, other) in made.pairs.items():
+        if pair not in made.separable:
+            ways = "; or ".join(remedies(one, other, made.tapped))
+            sentences.append(f"No pressure profile separates {pair}: {ways}.")
     return " ".join(sentences)
 
 
 def to_run(made: Plan) -> str:
     """Say what the best profile is, and how often to run it."""
-    if made.best.repeats > 1:
-        return made.best.words
-    return f"{made.best.words}, {runs(made.smallest(made.after[0]))} runs"
+    return made.best.words + ("" if made.best.repeats > 1 else f", {runs(made.score)} runs")
 
 
 def runs(separation: float) -> int:
@@ -269,27 +221,21 @@ def runs(separation: float) -> int:
 
 def table(made: Plan) -> str:
     """Lay out every profile's separations, in noise floors, best profile first."""
-    letters = [chr(ord("A") + k) for k in range(len(made.rivals))]
-    scores = pd.DataFrame(
-        [made.now, *made.after],
-        index=["this campaign", *(profile.name for profile in made.profiles)],
-        columns=[f"{letters[i]}-{letters[j]}" for i, j in made.pairs],
-    )
-    seconds = ["", *(f"{profile.duration_s:.0f}" for profile in made.profiles)]
-    scores.insert(0, "s", seconds)
+    letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"[: len(made.rivals)]
+    scores = made.scores.set_axis([f"{a}-{b}" for a, b in combinations(letters, 2)], axis=1)
+    scores.insert(0, "s", ["", *(f"{profile.duration_s:.0f}" for profile in made.profiles)])
     key = [f"  {letter}  {one.label}" for letter, one in zip(letters, made.rivals, strict=True)]
     return "\n".join([*key, "", scores.to_string(float_format="{:.2f}".format)])
 
 
 def _apart(made: Plan) -> str:
     """Name the pairs that the profile is for; every pair where none can be separated."""
-    chosen = made.separable or made.inseparable
+    chosen = made.separable or list(made.pairs)
     if len(chosen) <= _MOST_NAMED:
-        return _listed([made.versus(k) for k in chosen])
+        return _listed(chosen)
     everything = f"all of {_listed([one.label for one in made.rivals])}"
-    if len(chosen) == len(made.pairs):
-        return everything
-    return f"{everything} except {_listed([made.versus(k) for k in made.inseparable])}"
+    left = [pair for pair in made.pairs if pair not in chosen]
+    return f"{everything} except {_listed(left)}" if left else everything
 
 
 def _listed(parts: Sequence[str]) -> str:

@@ -60,13 +60,14 @@ def next_steps(
     evidence: Evidence,
     floor_deg: float,
 ) -> tuple[Step, ...]:
-    """Say what to do next at the bench.
+    """Say what to do next at the bench: at most `MOST` steps, most telling first.
+
+    After a cause only what would tell it from a rival that is still probable, after no gap only
+    what a smaller one would show in: there may be none.
 
     Parameters
     ----------
-    kind : str
-        Of the verdict.
-    sets : sequence of tuples of str
+    kind, sets : str, sequence of tuples of str
         The verdict's.
     causes : sequence of Cause
         All explanations that were considered.
@@ -74,12 +75,6 @@ def next_steps(
         The campaign.
     floor_deg : float
         Noise floor.
-
-    Returns
-    -------
-    tuple of Step
-        At most `MOST`, most telling first. After a cause only what would tell it from a rival that
-        is still probable, after no gap only what a smaller one would show in: may be empty.
     """
     weights = _weights(kind, sets, causes)
     pairs = {(a, b): weights[a] * weights[b] for a, b in combinations(weights, 2)}
@@ -113,14 +108,8 @@ def in_words(steps: Sequence[Step]) -> str:
 def ranked(pairs: Mapping[Pair, float], offered: Sequence[Option], named: bool) -> Iterator[Step]:
     """Choose the step that brings most, then the one that brings most of what it leaves, and so on.
 
-    Parameters
-    ----------
-    pairs : mapping
-        What is open: the product of the two probabilities, by pair of explanations.
-    offered : sequence of Option
-        Steps to choose from; of equals the first is taken.
-    named : bool
-        Whether each step is to say which explanations it tells apart.
+    `pairs` holds what is open: the product of the two probabilities, by pair of explanations. Of
+    equal options the first is taken. `named` says whether each step names what it tells apart.
     """
     still_open, left = dict(pairs), list(offered)
     least = _LEAST * sum(pairs.values())
@@ -174,14 +163,13 @@ def _decisive(
     made = plan(rivals, evidence, floor_deg, names=FEW)
     if not made.separable:
         return []
+    scores = made.scores.loc[made.best.name].to_dict()
     parts = {
-        (rivals[i].ids, rivals[j].ids): _SIMULATED * min(1.0, made.after[0][place] / _CLEAR)
-        for place, (i, j) in enumerate(made.pairs)
-        if place in made.separable
+        made.pairs[pair]: _SIMULATED * min(1.0, scores[pair] / _CLEAR) for pair in made.separable
     }
     why = (
-        f"the explanations differ there by {made.smallest(made.after[0]):.1f} noise floors, in "
-        f"this campaign by {made.smallest(made.now):.1f}"
+        f"the explanations differ there by {made.score:.1f} noise floors, in this campaign by "
+        f"{made.now:.1f}"
     )
     return [Option(f"run {to_run(made)}", why, parts)]
 

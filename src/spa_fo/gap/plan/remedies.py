@@ -61,17 +61,9 @@ CAMERA = Check(
 class Remedy:
     """Something to do at the bench that tells effects of one kind from those of another.
 
-    Attributes
-    ----------
-    check : Check
-        What to do, and what it would tell.
-    one, other : frozenset of str
-        The effects.
-    lacks : str
-        Evidence that a campaign must lack for it to bring anything, by its name in
-        `spa_fo.gap.answer.findings.MISSING`; empty where it always does.
-    protocol : bool
-        Whether it asks for another command only, which a planned profile may replace.
+    `lacks` names evidence (of `spa_fo.gap.answer.findings.MISSING`) that a campaign must lack for
+    it to bring anything; `protocol` says that it asks for another command only, which a planned
+    profile may replace.
     """
 
     check: Check

@@ -29,16 +29,9 @@ _UNSIMULATED = ("coefficients", "line")
 
 @dataclass(frozen=True)
 class Rival:
-    """One explanation with its fitted values.
+    """One explanation: its effects (none for the plain model), coefficients, and parameters.
 
-    Attributes
-    ----------
-    ids : tuple of str
-        Its effects; empty for the plain model.
-    x : (5,) array
-        alpha2, alpha1, a1, a0, b0.
-    effects : array
-        Parameters of all effects in the library's order, NaN where absent or not simulated.
+    `effects` holds those of all effects in the library's order, NaN where absent or not simulated.
     """
 
     ids: Ids
@@ -53,18 +46,9 @@ class Rival:
 
 @dataclass(frozen=True)
 class Standing:
-    """What a diagnosis left open.
+    """What a diagnosis left open: the kind of its verdict, the sets, and the noise floor.
 
-    Attributes
-    ----------
-    kind : str
-        Of the verdict.
-    rivals : tuple of Rival
-        The verdict's sets; with `unknown`, the part that is explained.
-    plain : Rival or None
-        No effect at all, identified again; None where the file does not hold it.
-    floor_deg : float
-        Noise floor.
+    `plain` is no effect at all, identified again; None where the file does not hold it.
     """
 
     kind: str
@@ -78,16 +62,9 @@ def rival(
     parameters: Mapping[str, Mapping[str, Any]],
     coefficients: Mapping[str, Any],
 ) -> Rival:
-    """Put one together from a cause's parameters and coefficients, each taken to its bounds.
+    """Put one together as a diagnosis holds it, each parameter taken to its bounds.
 
-    Parameters
-    ----------
-    ids : sequence of str
-        Its effects.
-    parameters : mapping
-        Effect -> parameter -> value, or ``{"value": ...}``.
-    coefficients : mapping
-        alpha2, alpha1, a1, a0, b0 by name.
+    `parameters` leads from effect to parameter to value, or ``{"value": ...}``.
 
     Raises
     ------
@@ -116,14 +93,7 @@ def _number(given: Any) -> float:
 
 
 def read_standing(path: Path | str, campaign: str) -> Standing:
-    """Read diagnosis.json.
-
-    Parameters
-    ----------
-    path : Path or str
-        The file.
-    campaign : str
-        Name of the campaign that it must be of.
+    """Read diagnosis.json, which must be of the campaign of this name.
 
     Raises
     ------
