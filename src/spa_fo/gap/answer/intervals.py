@@ -27,20 +27,9 @@ _WIDTH, _HIGH = 1.96, 0.975
 def with_intervals(explanation: Explanation, given: Floats, orders: Integers) -> Parameters:
     """List the parameters of each effect with their intervals.
 
-    Parameters
-    ----------
-    explanation : Explanation
-        Fitted.
-    given : (5,) array
-        Coefficients of the plain model.
-    orders : (trials,) array
-        Orders of the trials it was fitted to.
-
-    Returns
-    -------
-    dict
-        By effect and parameter. ``ci95`` is None where the fit says nothing of the error: of the
-        frequency of an interference, which was searched on a grid.
+    `given` are the plain model's coefficients, `orders` those of the trials it was fitted to. An
+    interval is None where the fit says nothing of the error: of the frequency of an interference,
+    which was searched on a grid.
     """
     angle, drive, ids = explanation.angle, explanation.drive, explanation.ids
     errors = _searched(angle.ids, np.sqrt(np.diag(angle.covariance))[5:])
@@ -49,9 +38,8 @@ def with_intervals(explanation: Explanation, given: Floats, orders: Integers) ->
     if shift := at_port("coefficients", ids):
         errors |= _of_shift(shift, given, angle.covariance)
     if curve := at_port("curve", ids):
-        names = [(curve, parameter.name) for parameter in LIBRARY[curve].parameters]
-        sigma = angle.curve_sigma_deg.tolist()
-        errors |= {name: (error, False) for name, error in zip(names, sigma, strict=True)}
+        own = zip(LIBRARY[curve].parameters, angle.curve_sigma_deg.tolist(), strict=True)
+        errors |= {(curve, parameter.name): (sigma, False) for parameter, sigma in own}
     if zeros := at_port("zeros", ids):
         errors |= _of_zeros(zeros, angle.zeros_deg, orders)
     return _intervals(explanation.parameters(given, orders), errors)
@@ -61,10 +49,8 @@ def drive_intervals(fit: DriveFit) -> Parameters:
     """List the parameters of a fit of the pressure in the same way."""
     values = {
         name: {
-            p.name: float(np.clip(value, p.low, p.high))
-            for p, value in zip(
-                LIBRARY[name].parameters, fit.effects[LIBRARY[name].slots], strict=True
-            )
+            p.name: float(np.clip(fit.effects[place], p.low, p.high))
+            for place, p in enumerate(LIBRARY[name].parameters, LIBRARY[name].first)
         }
         for name in fit.ids
     }

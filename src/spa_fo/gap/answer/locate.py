@@ -9,7 +9,7 @@ from spa_fo.gap.data.evidence import Evidence
 from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]
-Strings = NDArray[np.str_]
+Integers = NDArray[np.int64]
 
 _EARLY_S = 1.0  # after a jump of the input
 _JUMP, _SLOPE = 0.02, 1e-4  # of the largest input, from one cell to the next
@@ -51,22 +51,16 @@ def shares(
     grid = evidence.grid
     square = (gap_deg**2 - evidence.variance) * grid.counts
     rate = grid.slopes(predicted_deg)
-    third = 3 * grid.sample_trial // len(grid.trials)
     labels = {
         "phase": (_PHASES, _phase(evidence)),
-        "amplitude": (_DEGREES, np.array(_DEGREES)[np.digitize(predicted_deg, _AMPLITUDES)]),
-        "direction": (
-            _DIRECTIONS,
-            np.select([rate > _STILL, rate >= -_STILL], _DIRECTIONS[:2], _DIRECTIONS[2]),
-        ),
-        "trial": (_THIRDS, np.array(_THIRDS)[third]),
+        "amplitude": (_DEGREES, np.digitize(predicted_deg, _AMPLITUDES)),
+        "direction": (_DIRECTIONS, np.digitize(-rate, (-_STILL, _STILL))),
+        "trial": (_THIRDS, 3 * grid.sample_trial // len(grid.trials)),
     }
-    found = {
-        kind: _normalised(
-            {name: float(square[label == name].sum()) for name in names if name in label}
-        )
-        for kind, (names, label) in labels.items()
-    }
+    found = {}
+    for kind, (names, label) in labels.items():
+        sums = np.bincount(label, square, len(names)).tolist()
+        found[kind] = _normalised({names[k]: sums[k] for k in np.unique(label).tolist()})
     return {**found, "frequency": _frequency(evidence, gap_deg)}
 
 
@@ -76,12 +70,12 @@ def _normalised(sums: dict[str, float]) -> dict[str, float]:
     return {name: value / total for name, value in positive.items()}
 
 
-def _phase(evidence: Evidence) -> Strings:
-    """Name the phase of each averaged sample by what its trial's input did before."""
+def _phase(evidence: Evidence) -> Integers:
+    """Find the phase of each averaged sample, a place in `_PHASES`, by its trial's input."""
     grid = evidence.grid
     cells = grid.command_kpa if grid.command_kpa is not None else grid.pressure_kpa
     assert cells is not None
-    label = np.empty(grid.time_s.size, dtype="<U12")
+    found = np.empty(grid.time_s.size, dtype=np.int64)
     largest = float(np.abs(cells).max())
     for trial, rows in enumerate(evidence.rows):
         own = cells[grid.cell_starts[trial] : grid.cell_starts[trial + 1]]
@@ -90,21 +84,19 @@ def _phase(evidence: Evidence) -> Strings:
         sloped = np.abs(np.gradient(own)) > _SLOPE * largest
         time = grid.time_s[rows]
         cell = np.minimum((time / FINEST_STEP_S).astype(np.int64), own.size - 1)
-        place = np.searchsorted(jumps, cell, side="right")  # jumps so far
-        upward = np.append(0.0, change[jumps])[place] > 0.0
-        early = time - np.append(-np.inf, FINEST_STEP_S * jumps)[place] < _EARLY_S
-        label[rows] = np.select(
-            [
-                (place == 0) & ~np.logical_or.accumulate(sloped)[cell],
-                early & upward,
-                early,
-                sloped[cell] | (place == 0),
-                own[cell] > _JUMP * largest,
-            ],
-            ["rest", "rise", "fall", "ramp", "hold"],
-            "released",
-        )
-    return label
+        so_far = np.searchsorted(jumps, cell, side="right")
+        upward = np.append(0.0, change[jumps])[so_far] > 0.0
+        early = time - np.append(-np.inf, FINEST_STEP_S * jumps)[so_far] < _EARLY_S
+        phases = {
+            "rest": (so_far == 0) & ~np.logical_or.accumulate(sloped)[cell],
+            "rise": early & upward,
+            "fall": early,
+            "ramp": sloped[cell] | (so_far == 0),
+            "hold": own[cell] > _JUMP * largest,
+            "released": np.ones(cell.size, dtype=bool),
+        }
+        found[rows] = np.select([*phases.values()], [_PHASES.index(name) for name in phases])
+    return found
 
 
 def _frequency(evidence: Evidence, gap: Floats) -> dict[str, float]:

@@ -46,35 +46,26 @@ _LONGEST_LEVEL = 2  # 0.08 s: ramps and sines have no jumps that would ask for s
 class PairwiseSeparation:
     """The separation of each pair of explanations, by a campaign and by what could follow it.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        The campaign so far.
-    floor_deg : float
-        Its noise floor.
-    rivals : sequence of Rival
-        The explanations.
+    `refits` holds each explanation identified again on the campaign that another one makes.
     """
 
     def __init__(self, evidence: Evidence, floor_deg: float, rivals: Sequence[Rival]) -> None:
         self.evidence, self.floor_deg = evidence, floor_deg
-        self.pairs = tuple(combinations(range(len(rivals)), 2))
+        self.pairs = [_directions(rivals, *pair) for pair in combinations(range(len(rivals)), 2)]
         self.searched = [_Searched(one, evidence) for one in rivals]
         self.past = [_View(one, evidence, evidence.grid, floor_deg) for one in self.searched]
         self.refits = {
             (k, truth): _refit(self.searched[k], [(self.past[k], self.past[truth])])
             for pair in self.pairs
-            for k, truth in self._directions(*pair)
+            for k, truth in pair
         }
 
-    def now(self) -> tuple[float, ...]:
-        """Say how well the campaign's own protocol separates each of `pairs`, in noise floors."""
-        return self._smaller(
-            {(k, j): self.past[k].rms(r.cost) for (k, j), r in self.refits.items()}
-        )
+    def now(self) -> list[float]:
+        """Say how well the campaign's own protocol separates each pair, in noise floors."""
+        return self._smaller({way: self.past[way[0]].rms(r.cost) for way, r in self.refits.items()})
 
-    def after(self, profile: Profile) -> tuple[float, ...]:
-        """Say how well a profile that follows the campaign would separate each of `pairs`."""
+    def after(self, profile: Profile) -> list[float]:
+        """Say how well a profile that follows the campaign would separate each pair."""
         grid = _grid_after(self.evidence.grid, profile)
         views = [
             _View(one, self.evidence, grid, self.floor_deg, past.ends)
@@ -89,21 +80,20 @@ class PairwiseSeparation:
             added[k, truth] = views[k].rms(found.cost - min(before.cost, again.cost))
         return self._smaller(added)
 
-    def _smaller(self, missed: dict[tuple[int, int], float]) -> tuple[float, ...]:
+    def _smaller(self, missed: dict[tuple[int, int], float]) -> list[float]:
         """Take the smaller of both directions, as either explanation may be the true one."""
-        return tuple(min(missed[way] for way in self._directions(*pair)) for pair in self.pairs)
+        return [min(missed[way] for way in pair) for pair in self.pairs]
 
-    def _directions(self, i: int, j: int) -> list[tuple[int, int]]:
-        """List which explanation is refitted to which.
 
-        One that holds all effects of the other can always do without those it has on top: only
-        the smaller one can then be found wanting.
-        """
-        one, other = set(self.searched[i].ids), set(self.searched[j].ids)
-        return [
-            *([] if other < one else [(i, j)]),
-            *([] if one < other else [(j, i)]),
-        ]
+def _directions(rivals: Sequence[Rival], i: int, j: int) -> list[tuple[int, int]]:
+    """List which explanation of a pair is refitted to which.
+
+    One that holds all effects of the other can always do without those it has on top: only the
+    smaller one can then be found wanting.
+    """
+    one, other = set(rivals[i].ids), set(rivals[j].ids)
+    both = [(i, j), (j, i)]
+    return both[:1] if one < other else both[1:] if other < one else both
 
 
 class _Searched:
