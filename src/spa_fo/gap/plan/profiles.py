@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import bisect
 
 from spa_fo.atomic import write_text
 from spa_fo.plant.grid import CampaignGrid
@@ -46,16 +47,8 @@ class Limits:
 class Profile:
     """A commanded pressure, straight between its corners; two corners at one time are a jump.
 
-    Attributes
-    ----------
-    name, words : str
-        For tables, and for the person at the bench.
-    time_s, pressure_kpa : tuple of float
-        The corners, from (0, 0).
-    repeats : int
-        How many times it is run.
-    every_s : float
-        From one run's start to the next one's.
+    `name` is for tables, `words` for the person at the bench; the corners begin at (0, 0). It is
+    run `repeats` times, `every_s` from one start to the next.
     """
 
     name: str
@@ -129,10 +122,9 @@ def _chirp(low_hz: float, high_hz: float, seconds: float) -> list[Move]:
     return [(0.5, 4.0, 4.0), *((share, _TRACE_S, 0.0) for share in shares), (0.0, 2.0, 4.0)]
 
 
-_STAIRS = (0.2, 0.4, 0.6, 0.8, 1.0)
+_UP = (0.2, 0.4, 0.6, 0.8, 1.0)
 _RICH: list[Move] = [
-    *_steps((0.5,), 5.0, 5.0),
-    *_steps((1.0,), 8.0, 6.0),
+    *(*_steps((0.5,), 5.0, 5.0), *_steps((1.0,), 8.0, 6.0)),
     *((share, 0.0, 4.0) for share in (0.33, 0.67, 1.0, 0.67, 0.33)),
     *((0.0, 1.0, 4.0), (1.0, 8.0, 0.0), (0.5, 4.0, 0.0), (1.0, 4.0, 0.0), (0.0, 8.0, 2.0)),
     *_steps((1.0,), 22.0, 16.0),
@@ -159,7 +151,7 @@ _SHAPES: dict[str, tuple[str, Sequence[Move]]] = {
     "staircase": (
         "a staircase up to {100 %} in five stairs and down again by the same, {7 s} on each, "
         "then vent",
-        [*((share, 0.0, 7.0) for share in (*_STAIRS, *_STAIRS[-2::-1])), (0.0, 0.0, 10.0)],
+        [*((share, 0.0, 7.0) for share in (*_UP, *_UP[-2::-1])), (0.0, 0.0, 10.0)],
     ),
     "hold and recovery": (
         "step to {100 %}, held for {60 s}, then vent and go on recording for {55 s}",
@@ -216,37 +208,31 @@ def _drawn(name: str, limits: Limits) -> Profile | None:
         words = f"{once.words}; seven times within an hour, one every 10 min"
         return replace(once, name=name, words=words, repeats=7, every_s=600.0)
     template, moves = _SHAPES[name]
+    shares, moving_s, held_s = np.array(moves).T
+    targets = shares * limits.pressure_kpa
+    least_s = np.abs(np.diff(targets, prepend=0.0)) / limits.rate_kpa_s
 
-    def corners(scale: float) -> tuple[list[float], list[float]]:
-        """Go through the moves with their times scaled, never steeper than the limit."""
-        time, pressure = [0.0, _LEAD_S], [0.0, 0.0]
-        for share, move_s, hold_s in moves:
-            target = share * limits.pressure_kpa
-            least_s = abs(target - pressure[-1]) / limits.rate_kpa_s
-            arrived = time[-1] + max(move_s * scale, least_s)
-            time += [arrived, arrived + hold_s * scale]
-            pressure += [target, target]
-        return time, pressure
+    def corners_s(scale: float) -> Floats:
+        lengths = np.column_stack([np.maximum(moving_s * scale, least_s), held_s * scale])
+        return np.asarray(_LEAD_S + np.cumsum(lengths))
 
-    def fits(scale: float) -> bool:
-        return corners(scale)[0][-1] <= limits.duration_s
+    def excess_s(scale: float) -> float:
+        return float(corners_s(scale)[-1]) - limits.duration_s
+
+    scale = 1.0
+    if excess_s(scale) > 0.0:
+        if excess_s(_SHORTEST) > 0.0:
+            return None
+        scale = max(bisect(excess_s, _SHORTEST, 1.0, xtol=1e-7) - 1e-6, _SHORTEST)
 
     def shown(quantity: re.Match[str]) -> str:
         if quantity[2] == "%":
             return f"{float(quantity[1]) / 100.0 * limits.pressure_kpa:.3g} kPa"
         return f"{float(quantity[1]) * scale:.3g} s"
 
-    scale, high = 1.0, 1.0
-    if not fits(1.0):
-        scale = _SHORTEST
-        if not fits(scale):
-            return None
-        for _ in range(20):
-            middle = 0.5 * (scale + high)
-            scale, high = (middle, high) if fits(middle) else (scale, middle)
-    time, pressure = corners(scale)
     words = re.sub(r"\{([\d.]+) (%|s)\}", shown, template)
-    return Profile(name, words, tuple(time), tuple(pressure))
+    time_s = (0.0, _LEAD_S, *corners_s(scale).tolist())
+    return Profile(name, words, time_s, (0.0, 0.0, *np.repeat(targets, 2).tolist()))
 
 
 def write_profile(path: Path | str, profile: Profile, purpose: str) -> None:
