@@ -83,25 +83,28 @@ def stages(
 def causes_of(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cause, ...]:
     """List every explanation considered with its parameters, the most probable first."""
     orders = examined.everything.grid.orders
-    plain = Cause(("none",), 0.0, {}, _by_name(examined.found.plain.x), claimed.errors[()])
-    others = [(name,) for name in LIBRARY if name not in examined.excluded]
-    causes = {plain.set: plain} | {ids: Cause(ids, 0.0, {}, {}) for ids in others}
-    scored = {}
+    causes: dict[Ids, Cause] = {}
     for s in verdict.scored:
         explanation = explanation_of(s, s.angle, s.drive)
-        scored[s.named or ("none",)] = Cause(
-            set=s.named or ("none",),
+        named = s.named or ("none",)
+        causes[named] = Cause(
+            set=named,
             probability=s.probability,
             parameters=with_intervals(explanation, examined.given, orders),
             transfer_function=_by_name(explanation.x),
             held_out_rmse_deg=claimed.errors.get(s.named),
             leftover_deg=s.left_deg,
         )
-    unknown = Cause(("unknown",), verdict.unknown, {}, {})
-    listed = [*(scored | {k: c for k, c in causes.items() if k not in scored}).values(), unknown]
-    total = sum(cause.probability for cause in listed)
-    listed = [replace(cause, probability=cause.probability / total) for cause in listed]
-    return tuple(sorted(listed, key=lambda cause: -cause.probability))
+    plain = _by_name(examined.found.plain.x)
+    for cause in (
+        Cause(("none",), 0.0, {}, plain, claimed.errors.get(())),
+        *(Cause((name,), 0.0, {}, {}) for name in LIBRARY if name not in examined.excluded),
+        Cause(("unknown",), verdict.unknown, {}, {}),
+    ):
+        causes.setdefault(cause.set, cause)
+    total = sum(cause.probability for cause in causes.values())
+    normed = [replace(each, probability=each.probability / total) for each in causes.values()]
+    return tuple(sorted(normed, key=lambda cause: -cause.probability))
 
 
 def _by_name(x: Floats) -> dict[str, float]:

@@ -92,8 +92,9 @@ def _directions(rivals: Sequence[Rival], i: int, j: int) -> list[tuple[int, int]
     smaller one can then be found wanting.
     """
     one, other = set(rivals[i].ids), set(rivals[j].ids)
-    both = [(i, j), (j, i)]
-    return both[:1] if one < other else both[1:] if other < one else both
+    if one < other:
+        return [(i, j)]
+    return [(j, i)] if other < one else [(i, j), (j, i)]
 
 
 class _Searched:
