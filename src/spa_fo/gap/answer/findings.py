@@ -98,18 +98,10 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
 
 
 def findings(verdict: Verdict, own: bool, repeats: bool, floor_deg: float) -> tuple[str, ...]:
-    """Say how sure the answer is.
+    """Say how sure the answer is, given the noise floor.
 
-    Parameters
-    ----------
-    verdict : Verdict
-        The answer.
-    own : bool
-        Whether the model was fitted to this campaign.
-    repeats : bool
-        Whether any experiment was run more than once.
-    floor_deg : float
-        The noise floor.
+    `own` says that the model was fitted to this campaign, `repeats` that some experiment was run
+    more than once.
     """
     found = []
     named = [s for s in verdict.scored if s.named]
