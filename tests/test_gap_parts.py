@@ -149,35 +149,31 @@ def covariance(size: int) -> np.ndarray:
 
 def test_intervals_are_of_95_percent() -> None:
     width = norm.ppf(0.975)
-    low, high = _interval(2.0, ("a", "b"), {("a", "b"): 0.1}, {})  # type: ignore[misc]
-    assert (low, high) == pytest.approx((2.0 - 0.1 * width, 2.0 + 0.1 * width), rel=1e-3)
-    low, high = _interval(2.0, ("a", "b"), {}, {("a", "b"): 0.1})  # type: ignore[misc]
-    assert (low, high) == pytest.approx(
-        (2 * np.exp(-0.1 * width), 2 * np.exp(0.1 * width)), rel=1e-3
-    )
+    ends = np.array([-0.1, 0.1]) * width
+    assert _interval(2.0, 0.1, False) == pytest.approx(2.0 + ends, rel=1e-3)
+    assert _interval(2.0, 0.1, True) == pytest.approx(2.0 * np.exp(ends), rel=1e-3)
+    assert _interval(2.0, None, False) is None
 
 
 def test_the_error_of_b0_is_that_of_gain_and_a0_together() -> None:
     spread = covariance(7)
-    absolute: dict[Any, float] = {}
-    relative: dict[Any, float] = {}
-    _of_shift("parameter_shift", TRUTH, spread, absolute, relative)
+    errors = _of_shift("parameter_shift", TRUTH, spread)
     draws = np.random.default_rng(3).multivariate_normal(np.zeros(7), spread, 200_000)
-    assert relative["parameter_shift", "b0"] == pytest.approx(
-        np.std(draws[:, 3] + draws[:, 4]), rel=0.02
-    )
-    assert relative["parameter_shift", "a0"] == pytest.approx(np.std(draws[:, 3]), rel=0.02)
-    assert absolute["parameter_shift", "alpha2"] == pytest.approx(
-        np.std(draws[:, 0]) / TRUTH[0], rel=0.02
-    )
+    for name, of_logarithm, drawn in (
+        ("b0", True, draws[:, 3] + draws[:, 4]),
+        ("a0", True, draws[:, 3]),
+        ("alpha2", False, draws[:, 0] / TRUTH[0]),
+    ):
+        expected = pytest.approx(np.std(drawn), rel=0.02), of_logarithm
+        assert errors["parameter_shift", name] == expected
 
 
 def test_the_errors_of_a_slip_are_what_its_zeros_scatter_about_a_line_by() -> None:
     orders = np.arange(1, 13)
     zeros = 0.3 * orders + np.random.default_rng(5).normal(0.0, 0.2, 12)
-    absolute: dict[Any, float] = {}
-    _of_zeros("sensor_slip", zeros, orders, absolute)
+    errors = _of_zeros("sensor_slip", zeros, orders)
     _, spread = np.polyfit(orders, zeros, 1, cov=True)
     wider = student_t.ppf(0.975, 10) / 1.96
-    assert absolute["sensor_slip", "walk_deg"] == pytest.approx(np.sqrt(spread[0, 0]) * wider)
-    assert absolute["sensor_slip", "zero_deg"] == pytest.approx(0.2 * wider, rel=0.4)
+    walk, zero = (errors["sensor_slip", name][0] for name in ("walk_deg", "zero_deg"))
+    assert walk == pytest.approx(np.sqrt(spread[0, 0]) * wider)
+    assert zero == pytest.approx(0.2 * wider, rel=0.4)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from spa_fo.api.campaign import Campaign
 from spa_fo.api.show import card
 from spa_fo.gap.decide.nominal import driven_by_pressure
-from spa_fo.gap.plan.advice import Advice, plan_campaign, report
+from spa_fo.gap.plan.advice import Advice, plan_campaign
 from spa_fo.gap.plan.profiles import Profile, write_profile
 from spa_fo.gap.plan.rivals import Standing
 
@@ -23,7 +23,7 @@ def plan_next(
     max_duration_s: float | None = None,
     max_pressure_kpa: float | None = None,
 ) -> Plan:
-    """Plan what follows a diagnosis; see `spa_fo.gap.plan.plan_campaign`."""
+    """Plan what follows a diagnosis; see `spa_fo.gap.plan.advice.plan_campaign`."""
     data = campaign.data
     if not data.campaign.command_is_pressure:  # a profile is one of pressures
         data = driven_by_pressure(data)
@@ -37,7 +37,7 @@ class Plan:
 
     Attributes
     ----------
-    advice : spa_fo.gap.plan.Advice
+    advice : spa_fo.gap.plan.advice.Advice
         The profile, its purpose, the scores of all profiles.
     campaign : Campaign
         What it goes on from.
@@ -64,7 +64,7 @@ class Plan:
         return marked(figure, self.campaign.provenance)
 
     def __str__(self) -> str:
-        return report(self.advice)
+        return str(self.advice)
 
     def _repr_html_(self) -> str:
         return card(

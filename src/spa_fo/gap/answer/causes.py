@@ -21,6 +21,7 @@ from spa_fo.plant.effects.effect import STAGES
 from spa_fo.plant.effects.library import LIBRARY, absent
 
 Floats = NDArray[np.float64]
+Ids = tuple[str, ...]
 
 _NOT_KNOWN = (
     "neither the pressure nor a calibration was logged: what is not explained may be anyone's"
@@ -37,117 +38,107 @@ def p_value(verdict: Verdict) -> float:
     A Bayes factor against no gap of k is met by chance at most once in k times (Ville 1939).
     """
     odds = (1.0 - SETTINGS.none) / SETTINGS.none
-    factor = (1.0 - verdict.none) / max(verdict.none, 1e-300) / odds
-    return float(min(1.0, 1.0 / max(factor, 1e-300)))
+    return float(min(1.0, odds * verdict.none / max(1.0 - verdict.none, 1e-300)))
 
 
 def stages(
     examined: Examined, verdict: Verdict, plain_deg: Floats
 ) -> tuple[dict[str, float] | None, str | None]:
-    """Share the gap out to stages: by what explains it, or else by where it is seen."""
+    """Share the gap out to stages: by what explains it, or else by where it is seen.
+
+    Where the data cannot tell, the shares are None, and a text says why.
+    """
     everything = examined.everything
+    grid, fixture = everything.grid, everything.fixture
     if verdict.kind == "no_gap":
         return dict.fromkeys(STAGES, 0.0), None
-    if verdict.kind in ("cause", "ambiguous"):
-        return stage_shares(verdict), None
-    if not everything.has_pressure and everything.fixture is None and not verdict.sets:
-        by_command = everything.grid.command_kpa is not None
-        return None, _NOT_KNOWN if by_command else _DRIVEN_BY_PRESSURE
-    drive, whole = 0.0, everything.grid.angle_deg - plain_deg
+    known = stage_shares(verdict)
+    if verdict.kind != "unknown" or (verdict.sets and not everything.has_pressure):
+        return known, None
+    drive, rest_deg = 0.0, grid.angle_deg - plain_deg
     if everything.has_pressure:
         # With the measured pressure for the command, what vanishes was the drive's.
-        chain = angle_chain(everything, examined.given, everything.grid.pressure_kpa)
+        chain = angle_chain(everything, examined.given, grid.pressure_kpa)
         driven, _ = chain.run(examined.given, absent())
         drive = float(np.mean((driven - plain_deg) ** 2))
-        whole = everything.grid.angle_deg - driven
-    rest = float(np.mean(whole**2)) + 1e-9
-    sensor = 0.0
-    if everything.fixture is not None:
-        fixture = everything.fixture
-        sensor = max(float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2)), 0.0)
-    sensor = min(sensor, rest)
-    named = {"drive": drive, "actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
+        rest_deg = grid.angle_deg - driven
+    elif fixture is None:
+        return None, _DRIVEN_BY_PRESSURE if grid.command_kpa is None else _NOT_KNOWN
+    rest = float(np.mean(rest_deg**2)) + 1e-9
     if verdict.sets:
         # Where a part is explained, that says more of what is not the drive's.
-        known = stage_shares(verdict)
-        if not everything.has_pressure:
-            return known, None
         beyond = max(1.0 - known["drive"], 1e-9)
-        named = {name: share / beyond * rest for name, share in known.items()} | {"drive": drive}
-    total = sum(named.values())
-    return {stage: named[stage] / total for stage in STAGES}, None
+        squares = {stage: share / beyond * rest for stage, share in known.items()}
+    else:
+        sensor = 0.0
+        if fixture is not None:
+            excess = float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2))
+            sensor = min(max(excess, 0.0), rest)
+        squares = {"actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
+    squares["drive"] = drive
+    total = sum(squares.values())
+    return {stage: squares[stage] / total for stage in STAGES}, None
 
 
 def causes_of(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cause, ...]:
     """List every explanation considered with its parameters, the most probable first."""
-    orders, found = examined.everything.grid.orders, examined.found
-    causes = []
+    orders = examined.everything.grid.orders
+    causes: dict[Ids, Cause] = {}
     for s in verdict.scored:
-        e = Explanation(s.named, s.angle, s.drive, None)
-        if set(s.named) <= set(s.angle.ids) | set(() if s.drive is None else s.drive.ids) or s.fast:
-            e = explanation_of(s, s.angle, s.drive)
-        intervals = with_intervals(e, examined.given, orders) if s.named else {}
-        causes.append(
-            Cause(
-                set=s.named or ("none",),
-                probability=s.probability,
-                parameters={name: own for name, own in intervals.items() if name in s.named},
-                transfer_function=dict(zip(PARAMETERS, e.x.tolist(), strict=True)),
-                held_out_rmse_deg=claimed.errors.get(s.named),
-                leftover_deg=s.left_deg,
-            )
+        explanation = explanation_of(s, s.angle, s.drive)
+        named = s.named or ("none",)
+        causes[named] = Cause(
+            set=named,
+            probability=s.probability,
+            parameters=with_intervals(explanation, examined.given, orders),
+            transfer_function=_by_name(explanation.x),
+            held_out_rmse_deg=claimed.errors.get(s.named),
+            leftover_deg=s.left_deg,
         )
-    known = {cause.set for cause in causes}
-    if ("none",) not in known:
-        x = dict(zip(PARAMETERS, found.plain.x.tolist(), strict=True))
-        causes.append(Cause(("none",), 0.0, {}, x, held_out_rmse_deg=claimed.errors[()]))
-    causes += [
-        Cause((name,), 0.0, {}, {})
-        for name in LIBRARY
-        if (name,) not in known and name not in examined.excluded
-    ]
-    causes.append(Cause(("unknown",), verdict.unknown, {}, {}))
-    total = sum(cause.probability for cause in causes)
-    causes = [replace(cause, probability=cause.probability / total) for cause in causes]
-    return tuple(sorted(causes, key=lambda cause: -cause.probability))
+    plain = _by_name(examined.found.plain.x)
+    for cause in (
+        Cause(("none",), 0.0, {}, plain, claimed.errors.get(())),
+        *(Cause((name,), 0.0, {}, {}) for name in LIBRARY if name not in examined.excluded),
+        Cause(("unknown",), verdict.unknown, {}, {}),
+    ):
+        causes.setdefault(cause.set, cause)
+    total = sum(cause.probability for cause in causes.values())
+    normed = [replace(each, probability=each.probability / total) for each in causes.values()]
+    return tuple(sorted(normed, key=lambda cause: -cause.probability))
+
+
+def _by_name(x: Floats) -> dict[str, float]:
+    return dict(zip(PARAMETERS, x.tolist(), strict=True))
 
 
 def smallest_bic(examined: Examined) -> list[str]:
     """Name what the smallest Bayesian information criterion picks among single effects."""
-    bench = examined.found.bench
+    bench, fits = examined.found.bench, examined.found.fits
     used, grid = bench.evidence.used, bench.evidence.grid
     n = int(np.count_nonzero(used))
-    best: tuple[float, tuple[str, ...]] = (np.inf, ())
-    for ids, fitted in examined.found.fits.items():
-        if len(ids) > 1:
-            continue
-        missed = (grid.angle_deg - fitted.shared_deg)[used]
-        square = float(np.average(missed**2, weights=grid.counts[used]))
-        score = n * np.log(square) + np.log(n) * fitted.z.size
-        if score < best[0]:
-            best = (score, ids)
-    return list(best[1])
+
+    def criterion(ids: Ids) -> float:
+        missed = (grid.angle_deg - fits[ids].shared_deg)[used]
+        square = np.average(missed**2, weights=grid.counts[used])
+        return float(n * np.log(square) + np.log(n) * fits[ids].z.size)
+
+    best = min((ids for ids in fits if len(ids) < 2), key=criterion)
+    return list(best)
 
 
 def traces_of(
     examined: Examined, curves: Mapping[str, Floats], final: Explanation | None
 ) -> Traces:
     """Collect the curves that figures are drawn of."""
-    everything = examined.everything
-    grid = everything.grid
+    grid, fixture = examined.everything.grid, examined.everything.fixture
     command = np.full(grid.angle_deg.size, np.nan)
     if grid.command_kpa is not None:
         command = grid.sampled(grid.command_kpa)
-    fixture = everything.fixture
-    empty = np.zeros(0)
-    explained = empty
+    drive = None if final is None else final.drive
+    known = deviation = explained = np.zeros(0)
     if fixture is not None:
-        explained = np.zeros(fixture.deviation_deg.size)
-        if final is not None:
-            explained = fixture.simulate(final.effects())[0]
-    drive = None
-    if final is not None and final.drive is not None:
-        drive = final.drive.predicted_kpa
+        known, deviation = fixture.known_deg, fixture.deviation_deg
+        explained, _ = fixture.simulate(absent() if final is None else final.effects())
     return Traces(
         experiment=tuple(trial.experiment for trial in grid.trials),
         label=tuple(trial.label for trial in grid.trials),
@@ -159,9 +150,9 @@ def traces_of(
         explained_deg=curves["explained"],
         refit_deg=curves["refit"],
         pressure_kpa=grid.measured_kpa,
-        drive_kpa=drive,
+        drive_kpa=None if drive is None else drive.predicted_kpa,
         held_out=examined.held.trials,
-        fixture_angle_deg=empty if fixture is None else fixture.known_deg,
-        fixture_deg=empty if fixture is None else fixture.deviation_deg,
+        fixture_angle_deg=known,
+        fixture_deg=deviation,
         fixture_explained_deg=explained,
     )

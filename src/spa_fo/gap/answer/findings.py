@@ -5,15 +5,12 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.data.hold_out import HeldOut, judged
 from spa_fo.gap.decide.verdict import Verdict
 from spa_fo.gap.search.drive import Drive
 from spa_fo.plant.effects.library import LIBRARY
-
-Floats = NDArray[np.float64]
 
 MISSING = {
     "pressure": "measured pressure: without it drive and actuator cannot be told apart",
@@ -34,17 +31,20 @@ _PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing wo
 def offers(evidence: Evidence) -> tuple[str, ...]:
     """Say what a campaign holds that tells causes apart."""
     trials = evidence.grid.trials
-    protocols = list(dict.fromkeys(trial.protocol for trial in trials))
-    found = [f"{len(trials)} trials: {', '.join(protocols)}"]
-    if evidence.has_pressure:
-        found.append("measured pressure, which tells the drive from the actuator")
-    elif evidence.grid.measured_kpa is not None:
-        found.append("measured pressure, which drives the model")
-    if len(evidence.data.calibrations) > 1:
-        found.append("calibrations before and after, which show the sensor's own drift")
-    if evidence.fixture is not None:
-        found.append("calibration dwells, which show the sensor's own lag, creep and hysteresis")
-    return tuple(found)
+    protocols = dict.fromkeys(trial.protocol for trial in trials)
+    by_pressure = evidence.grid.measured_kpa is not None and not evidence.has_pressure
+    held = {
+        f"{len(trials)} trials: {', '.join(protocols)}": True,
+        "measured pressure, which tells the drive from the actuator": evidence.has_pressure,
+        "measured pressure, which drives the model": by_pressure,
+        "calibrations before and after, which show the sensor's own drift": (
+            len(evidence.data.calibrations) > 1
+        ),
+        "calibration dwells, which show the sensor's own lag, creep and hysteresis": (
+            evidence.fixture is not None
+        ),
+    }
+    return tuple(words for words, holds in held.items() if holds)
 
 
 def lacking(evidence: Evidence) -> tuple[str, ...]:
@@ -53,7 +53,6 @@ def lacking(evidence: Evidence) -> tuple[str, ...]:
     protocols = {trial.protocol for trial in trials}
     orders = [trial.experiment for trial in trials]
     blocks = sum(a != b for a, b in pairwise(orders)) + 1
-    repeated = np.unique(evidence.alike).size < len(trials)
     absent = {
         "pressure": evidence.grid.measured_kpa is None,
         "command": evidence.grid.measured_kpa is not None and not evidence.has_pressure,
@@ -62,8 +61,8 @@ def lacking(evidence: Evidence) -> tuple[str, ...]:
         "hold": "hold" not in protocols,
         "later calibration": len(evidence.data.calibrations) < 2,
         "calibration": evidence.fixture is None,
-        "repeats": not repeated,
-        "order": len(set(orders)) > 1 and blocks == len(set(orders)),
+        "repeats": np.unique(evidence.alike).size == len(trials),
+        "order": 1 < blocks == len(set(orders)),
     }
     return tuple(name for name in MISSING if absent[name])
 
@@ -81,43 +80,28 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
     """Say what the measured pressure tells of the drive, whatever the angle says."""
     if drive is None or not drive.best.ids:
         return ()
-    fit = drive.best
-    where = judged(everything, held)
+    fit, where = drive.best, judged(everything, held)
     before, after = (
         float(np.sqrt(np.mean(each.residual_kpa[where] ** 2))) for each in (drive.fits[()], fit)
     )
     if after > _PRESSURE_EXPLAINED * before:
         return ()
+    effects = []
+    for name in fit.ids:
+        values = zip(LIBRARY[name].parameters, fit.effects[LIBRARY[name].slots], strict=True)
+        effects.append(f"{name} ({', '.join(f'{p.name} {value:.3g}' for p, value in values)})")
     tried_on = ", on held-out trials," if held.trials.any() else ""
-    effects = " + ".join(
-        f"{name} ({', '.join(_values(name, fit.effects[LIBRARY[name].slots]))})" for name in fit.ids
-    )
     return (
-        f"The measured pressure by itself: {effects} reduces its RMS deviation from the "
-        f"command{tried_on} from {before:.3g} to {after:.3g} kPa.",
+        f"The measured pressure by itself: {' + '.join(effects)} reduces its RMS deviation from "
+        f"the command{tried_on} from {before:.3g} to {after:.3g} kPa.",
     )
-
-
-def _values(name: str, values: Floats) -> list[str]:
-    return [
-        f"{parameter.name} {value:.3g}"
-        for parameter, value in zip(LIBRARY[name].parameters, values, strict=True)
-    ]
 
 
 def findings(verdict: Verdict, own: bool, repeats: bool, floor_deg: float) -> tuple[str, ...]:
-    """Say how sure the answer is.
+    """Say how sure the answer is, given the noise floor.
 
-    Parameters
-    ----------
-    verdict : Verdict
-        The answer.
-    own : bool
-        Whether the model was fitted to this campaign.
-    repeats : bool
-        Whether any experiment was run more than once.
-    floor_deg : float
-        The noise floor.
+    `own` says that the model was fitted to this campaign, `repeats` that some experiment was run
+    more than once.
     """
     found = []
     named = [s for s in verdict.scored if s.named]

@@ -8,6 +8,7 @@ Gini impurity of the answer. So nothing is asked for twice, and nothing that dec
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -15,11 +16,10 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.answer.findings import MISSING, lacking
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.diagnosis import Cause, Step
-from spa_fo.gap.plan.advice import plan_few, richest_profile
-from spa_fo.gap.plan.profile_choice import Plan, to_run
-from spa_fo.gap.plan.profiles import limits_of
+from spa_fo.gap.plan.advice import plan, richest_profile, to_run
+from spa_fo.gap.plan.profiles import FEW, limits_of
 from spa_fo.gap.plan.remedies import CAMERA, Remedy, known_remedies
-from spa_fo.gap.plan.rivals import Ids
+from spa_fo.gap.plan.rivals import Ids, rival
 from spa_fo.plant.effects.library import LIBRARY
 
 Pair = tuple[Ids, Ids]
@@ -32,6 +32,7 @@ _SIMULATED = 0.75  # a profile on which they differ clearly
 _CLEAR = 2.0  # noise floors: a smaller difference is as much less sure
 _SHOWN = 0.5  # of a richer protocol, whose outcome nobody has foreseen
 _CONSIDERED = 0.01  # probability from which a rival of a cause counts
+_MOST_RIVALS = 4  # that a profile is planned for
 _RUNS = 3
 _REPEAT = Step(
     "repeat an experiment unchanged, three times or more",
@@ -59,13 +60,14 @@ def next_steps(
     evidence: Evidence,
     floor_deg: float,
 ) -> tuple[Step, ...]:
-    """Say what to do next at the bench.
+    """Say what to do next at the bench: at most `MOST` steps, most telling first.
+
+    After a cause only what would tell it from a rival that is still probable, after no gap only
+    what a smaller one would show in: there may be none.
 
     Parameters
     ----------
-    kind : str
-        Of the verdict.
-    sets : sequence of tuples of str
+    kind, sets : str, sequence of tuples of str
         The verdict's.
     causes : sequence of Cause
         All explanations that were considered.
@@ -73,21 +75,21 @@ def next_steps(
         The campaign.
     floor_deg : float
         Noise floor.
-
-    Returns
-    -------
-    tuple of Step
-        At most `MOST`, most telling first. After a cause only what would tell it from a rival that
-        is still probable, after no gap only what a smaller one would show in: may be empty.
     """
     weights = _weights(kind, sets, causes)
     pairs = {(a, b): weights[a] * weights[b] for a, b in combinations(weights, 2)}
     lacks = lacking(evidence)
-    if kind == "ambiguous":
-        made = _planned(sets, causes, evidence, floor_deg)
-        offered = [*remedy_options(pairs, lacks, made is None), *_profile_option(made, pairs)]
-    else:
-        offered = _open_ended(pairs, lacks, evidence)
+    useful = [r for r in known_remedies() if not r.lacks or r.lacks in lacks]
+    protocols = [r for r in useful if r.protocol]
+    by_command = [_option(r, pairs, _SHOWN) for r in protocols]
+    if evidence.grid.command_kpa is not None:
+        # Where the limits allow none, as in a vacuum, the protocols stay as they are.
+        with suppress(BadInput):
+            if kind == "ambiguous":
+                by_command = _decisive(sets, causes, evidence, floor_deg)
+            elif protocols:
+                by_command = [_richest(protocols, pairs, evidence)]
+    offered = [*(_option(r, pairs, _SEEN) for r in useful if not r.protocol), *by_command]
     named = kind in ("ambiguous", "cause")
     first = (_REPEAT,) if "repeats" in lacks and not named else ()
     steps = (*first, *ranked(pairs, offered, named))[:MOST]
@@ -106,14 +108,8 @@ def in_words(steps: Sequence[Step]) -> str:
 def ranked(pairs: Mapping[Pair, float], offered: Sequence[Option], named: bool) -> Iterator[Step]:
     """Choose the step that brings most, then the one that brings most of what it leaves, and so on.
 
-    Parameters
-    ----------
-    pairs : mapping
-        What is open: the product of the two probabilities, by pair of explanations.
-    offered : sequence of Option
-        Steps to choose from; of equals the first is taken.
-    named : bool
-        Whether each step is to say which explanations it tells apart.
+    `pairs` holds what is open: the product of the two probabilities, by pair of explanations. Of
+    equal options the first is taken. `named` says whether each step names what it tells apart.
     """
     still_open, left = dict(pairs), list(offered)
     least = _LEAST * sum(pairs.values())
@@ -126,33 +122,6 @@ def ranked(pairs: Mapping[Pair, float], offered: Sequence[Option], named: bool) 
         yield Step(best.do, best.why, foremost if named else ())
         for pair, sure in best.parts.items():
             still_open[pair] *= 1.0 - sure
-
-
-def remedy_options(
-    pairs: Mapping[Pair, float], lacks: Sequence[str], protocols: bool
-) -> list[Option]:
-    """Offer the remedies that a campaign has use for.
-
-    Parameters
-    ----------
-    pairs : mapping
-        What is open.
-    lacks : sequence of str
-        What the campaign lacks.
-    protocols : bool
-        Whether to offer those that a planned profile would replace.
-    """
-    return [
-        _option(remedy, pairs, _SHOWN if remedy.protocol else _SEEN)
-        for remedy in known_remedies()
-        if (not remedy.lacks or remedy.lacks in lacks) and (protocols or not remedy.protocol)
-    ]
-
-
-def _option(remedy: Remedy, pairs: Mapping[Pair, float], sure: float) -> Option:
-    return Option(
-        remedy.do, remedy.why, {pair: sure for pair in pairs if remedy.parts(pair[0], pair[1])}
-    )
 
 
 def _weights(kind: str, sets: Sequence[Ids], causes: Sequence[Cause]) -> dict[Ids, float]:
@@ -177,59 +146,41 @@ def _weights(kind: str, sets: Sequence[Ids], causes: Sequence[Cause]) -> dict[Id
     }
 
 
-def _planned(
+def _option(remedy: Remedy, pairs: Mapping[Pair, float], sure: float) -> Option:
+    parts = {pair: sure for pair in pairs if remedy.parts(*pair)}
+    return Option(remedy.check.do, remedy.check.why, parts)
+
+
+def _decisive(
     sets: Sequence[Ids], causes: Sequence[Cause], evidence: Evidence, floor_deg: float
-) -> Plan | None:
-    """Plan the profile that would decide; None where there is no command, or none that fits."""
-    if evidence.grid.command_kpa is None:
-        return None
-    by_set = {cause.set: cause for cause in causes}
-    standing = [by_set[ids] for ids in sets]
-    try:
-        return plan_few(
-            sets,
-            [cause.parameters for cause in standing],
-            [cause.transfer_function for cause in standing],
-            evidence,
-            floor_deg,
-        )
-    except BadInput:  # a vacuum, say, which the catalogue has no profiles for
-        return None
-
-
-def _profile_option(made: Plan | None, pairs: Mapping[Pair, float]) -> Iterator[Option]:
-    """Offer the planned profile, as sure as it separates each pair."""
-    if made is None or not made.separable:
-        return
-    parts = {}
-    for place in made.separable:
-        i, j = made.pairs[place]
-        pair = made.rivals[i].ids, made.rivals[j].ids
-        if pair in pairs:
-            parts[pair] = _SIMULATED * min(1.0, made.after[0][place].seen / _CLEAR)
-    score, now = made.smallest(made.after[0]), made.smallest(made.now)
-    yield Option(
-        f"run {to_run(made)}",
-        f"the explanations differ there by {score:.1f} noise floors, in this campaign by {now:.1f}",
-        parts,
-    )
-
-
-def _open_ended(
-    pairs: Mapping[Pair, float], lacks: Sequence[str], evidence: Evidence
 ) -> list[Option]:
-    """Offer one rich profile in place of every protocol that the campaign lacks."""
-    protocols = [r for r in known_remedies() if r.protocol and r.lacks in lacks]
-    try:
-        if evidence.grid.command_kpa is None or not protocols:
-            return remedy_options(pairs, lacks, protocols=True)
-        rich = richest_profile(limits_of(evidence.grid))
-    except BadInput:
-        return remedy_options(pairs, lacks, protocols=True)
-    names = [MISSING[remedy.lacks].split(":")[0] for remedy in protocols]
-    option = Option(
-        f"run {rich.words}, {_RUNS} runs",
-        f"this campaign has no {' and no '.join(name.removeprefix('a ') for name in names)}",
-        {pair: _SHOWN for pair in pairs if any(r.parts(pair[0], pair[1]) for r in protocols)},
+    """Offer the profile that best separates the first sets, as sure as it separates each pair."""
+    by_set = {cause.set: cause for cause in causes}
+    rivals = [
+        rival(ids, by_set[ids].parameters, by_set[ids].transfer_function)
+        for ids in sets[:_MOST_RIVALS]
+    ]
+    made = plan(rivals, evidence, floor_deg, names=FEW)
+    if not made.separable:
+        return []
+    scores = made.scores.loc[made.best.name].to_dict()
+    parts = {
+        made.pairs[pair]: _SIMULATED * min(1.0, scores[pair] / _CLEAR) for pair in made.separable
+    }
+    why = (
+        f"the explanations differ there by {made.score:.1f} noise floors, in this campaign by "
+        f"{made.now:.1f}"
     )
-    return [*remedy_options(pairs, lacks, protocols=False), option]
+    return [Option(f"run {to_run(made)}", why, parts)]
+
+
+def _richest(
+    protocols: Sequence[Remedy], pairs: Mapping[Pair, float], evidence: Evidence
+) -> Option:
+    """Offer one rich profile in place of every protocol that the campaign lacks."""
+    names = [MISSING[remedy.lacks].split(":")[0].removeprefix("a ") for remedy in protocols]
+    return Option(
+        f"run {richest_profile(limits_of(evidence.grid)).words}, {_RUNS} runs",
+        f"this campaign has no {' and no '.join(names)}",
+        {pair: _SHOWN for pair in pairs if any(r.parts(*pair) for r in protocols)},
+    )

@@ -15,6 +15,23 @@ from spa_fo.plant.effects.library import LIBRARY
 _MOST = 2  # remedies for one pair
 _PASSING = ("delay", "lag")  # filters that leave nothing behind once an angle has settled
 
+_TAP = Check(
+    "log the pressure with a tap in the line, close to the actuator",
+    "what the drive makes of the command shows there, without the actuator and the sensor",
+)
+_COMMAND = Check("log the command beside the pressure", "without it nothing is known of the drive")
+_CALIBRATION = Check(
+    "record a calibration of the sensor against known angles, up and down",
+    "in the fixture nothing but the sensor can lag, creep or loop",
+)
+_LATER_CALIBRATION = Check(
+    "calibrate the sensor once more, after the last trial",
+    "what has changed between two calibrations is the sensor's",
+)
+_REFERENCE = Check(
+    "check the reading against an outside reference while the actuator moves, such as a camera",
+    "what it does not show is the sensor's",
+)
 _PROTOCOLS: dict[Shown, Check] = {
     "release": Check(
         "record the release after each step too",
@@ -33,52 +50,25 @@ _ORDER = Check(
     "mix the order of the experiments",
     "in blocks a drift looks like a dependence on the amplitude",
 )
-
-
-def _where(holds: Callable[[Effect], bool]) -> frozenset[str]:
-    return frozenset(name for name, effect in LIBRARY.items() if holds(effect))
-
-
-def twins(one: Sequence[str], other: Sequence[str], tapped: bool) -> bool:
-    """Say whether two explanations are the same linear filter at two places in the chain.
-
-    Filters in series change places without a trace. What a simulation shows of the difference is
-    due to the forms that the library gives them, not to physics.
-
-    Parameters
-    ----------
-    one, other : sequence of str
-        Their effects.
-    tapped : bool
-        Whether the pressure is measured, which tells the drive from the rest.
-    """
-    differ = [LIBRARY[name] for name in frozenset(one) ^ frozenset(other)]
-    if len(differ) != 2 or not differ[0].filter or differ[0].filter != differ[1].filter:
-        return False
-    return not (tapped and "drive" in {effect.stage for effect in differ})
+CAMERA = Check(
+    "record the angle by a second way, such as a camera, beside the sensor",
+    "it shows whether the gap is in the motion or in the reading of it",
+)
+"""Where nothing else is known to help."""
 
 
 @dataclass(frozen=True)
 class Remedy:
     """Something to do at the bench that tells effects of one kind from those of another.
 
-    Attributes
-    ----------
-    one, other : frozenset of str
-        The effects.
-    do, why : str
-        What to do, and what it would tell.
-    lacks : str
-        Evidence that a campaign must lack for it to bring anything, by its name in
-        `spa_fo.gap.answer.findings.MISSING`; empty where it always does.
-    protocol : bool
-        Whether it asks for another command only, which a planned profile may replace.
+    `lacks` names evidence (of `spa_fo.gap.answer.findings.MISSING`) that a campaign must lack for
+    it to bring anything; `protocol` says that it asks for another command only, which a planned
+    profile may replace.
     """
 
+    check: Check
     one: frozenset[str]
     other: frozenset[str]
-    do: str
-    why: str
     lacks: str = ""
     protocol: bool = False
 
@@ -89,104 +79,68 @@ class Remedy:
         return any(a & self.one and (b & self.other or not b) for a, b in (only, only[::-1]))
 
 
-def _remedy(check: Check, one: frozenset[str], other: frozenset[str], lacks: str = "") -> Remedy:
-    return Remedy(one, other, check.do, check.why, lacks)
-
-
-def known_remedies() -> tuple[Remedy, ...]:
-    """List what can be done at the bench; what fits a pair of effects best stands first."""
-    return tuple(_known())
-
-
-def _known() -> Iterator[Remedy]:
+def known_remedies() -> Iterator[Remedy]:
+    """List what can be done at the bench; what fits a pair of effects best comes first."""
     every = frozenset(LIBRARY)
     drive = _where(lambda e: e.stage == "drive")
     actuator = _where(lambda e: e.stage == "actuator")
     sensor = _where(lambda e: e.stage == "sensor")
+    settles = sensor & _where(lambda e: e.filter not in _PASSING)
     for effect in LIBRARY.values():
         for other, check in effect.equivalents.items():
-            yield _remedy(check, frozenset({effect.id}), frozenset({other}))
+            yield Remedy(check, frozenset({effect.id}), frozenset({other}))
     yield from _checks(lambda e: e.stage == "acquisition")
-    yield Remedy(
-        drive,
-        every,
-        "log the pressure with a tap in the line, close to the actuator",
-        "what the drive makes of the command shows there, without the actuator and the sensor",
-        lacks="pressure",
-    )
-    yield Remedy(
-        drive,
-        every - drive,
-        "log the command beside the pressure",
-        "without it nothing is known of the drive",
-        lacks="command",
-    )
+    yield Remedy(_TAP, drive, every, "pressure")
+    yield Remedy(_COMMAND, drive, every - drive, "command")
     yield from _checks(lambda e: e.stage != "acquisition" and e.port != "coefficients")
-    yield Remedy(
-        sensor,
-        every - sensor,
-        "record a calibration of the sensor against known angles, up and down",
-        "in the fixture nothing but the sensor can lag, creep or loop",
-        lacks="calibration",
-    )
-    yield Remedy(
-        sensor & _where(lambda e: e.filter not in _PASSING),
-        every - sensor,
-        "calibrate the sensor once more, after the last trial",
-        "what has changed between two calibrations is the sensor's",
-        lacks="later calibration",
-    )
-    yield Remedy(
-        sensor,
-        actuator,
-        "check the reading against an outside reference while the actuator moves, such as a camera",
-        "what it does not show is the sensor's",
-    )
+    yield Remedy(_CALIBRATION, sensor, every - sensor, "calibration")
+    yield Remedy(_LATER_CALIBRATION, settles, every - sensor, "later calibration")
+    yield Remedy(_REFERENCE, sensor, actuator)
     yield from _checks(lambda e: e.port == "coefficients")
     for shown, check in _PROTOCOLS.items():
         ids = _shown_in(shown)
-        yield Remedy(ids, every - ids, check.do, check.why, shown, protocol=True)
-    by_time = _shown_in("order")
-    yield _remedy(_ORDER, by_time, every - by_time, "order")
+        yield Remedy(check, ids, every - ids, shown, protocol=True)
+    drifting = _shown_in("order")
+    yield Remedy(_ORDER, drifting, every - drifting, "order")
 
 
-def _checks(holds: Callable[[Effect], bool]) -> Iterator[Remedy]:
-    """Give what shows single effects, whatever else they may be."""
-    for effect in LIBRARY.values():
-        if effect.check is not None and holds(effect):
-            yield _remedy(effect.check, frozenset({effect.id}), frozenset(LIBRARY))
+def _where(holds: Callable[[Effect], bool]) -> frozenset[str]:
+    return frozenset(name for name, effect in LIBRARY.items() if holds(effect))
 
 
 def _shown_in(evidence: Shown) -> frozenset[str]:
     return _where(lambda effect: evidence in effect.shown_in)
 
 
-CAMERA = Check(
-    "record the angle by a second way, such as a camera, beside the sensor",
-    "it shows whether the gap is in the motion or in the reading of it",
-)
-"""Where nothing else is known to help."""
+def _checks(holds: Callable[[Effect], bool]) -> Iterator[Remedy]:
+    """Give what shows single effects, whatever else they may be."""
+    for effect in LIBRARY.values():
+        if effect.check is not None and holds(effect):
+            yield Remedy(effect.check, frozenset({effect.id}), frozenset(LIBRARY))
 
 
-def remedies(one: Sequence[str], other: Sequence[str], tapped: bool) -> tuple[str, ...]:
-    """Say what to do about two explanations that no pressure profile separates.
+def remedies(one: Sequence[str], other: Sequence[str], tapped: bool) -> list[str]:
+    """Say what parts two explanations that no pressure profile separates, most telling first.
 
-    Parameters
-    ----------
-    one, other : sequence of str
-        Their effects.
-    tapped : bool
-        Whether the pressure is measured already.
-
-    Returns
-    -------
-    tuple of str
-        At least one, most telling first.
+    `tapped` says whether the pressure is measured already.
     """
+    needed = ("",) if tapped else ("", "pressure")
     found = [
-        f"{remedy.do}: {remedy.why}"
+        f"{remedy.check.do}: {remedy.check.why}"
         for remedy in known_remedies()
-        if not remedy.protocol and remedy.lacks in ("", "" if tapped else "pressure")
-        if remedy.parts(one, other)
+        if not remedy.protocol and remedy.lacks in needed and remedy.parts(one, other)
     ]
-    return tuple(found[:_MOST]) or (f"{CAMERA.do}: {CAMERA.why}",)
+    return found[:_MOST] or [f"{CAMERA.do}: {CAMERA.why}"]
+
+
+def twins(one: Sequence[str], other: Sequence[str], tapped: bool) -> bool:
+    """Say whether two explanations are the same linear filter at two places in the chain.
+
+    Filters in series change places without a trace. What a simulation shows of the difference is
+    due to the forms that the library gives them, not to physics. A measured pressure (`tapped`)
+    tells the drive from the rest.
+    """
+    differ = [LIBRARY[name] for name in frozenset(one) ^ frozenset(other)]
+    if len(differ) != 2 or not differ[0].filter or differ[0].filter != differ[1].filter:
+        return False
+    return not (tapped and "drive" in {effect.stage for effect in differ})
