@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.claim.own_scatter import own_scatter
-from spa_fo.gap.data.evidence import Evidence, angle_chain
-from spa_fo.gap.data.floor import repeats
+from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
 from spa_fo.gap.data.hold_out import HeldOut, judged, rmse, shrink
 from spa_fo.gap.decide.explanation import Explanation, angle_part, explanation_of, simulate
 from spa_fo.gap.decide.verdict import Scored, Verdict

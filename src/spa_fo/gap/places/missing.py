@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.data.evidence import Evidence
-from spa_fo.gap.data.floor import noise_floor
+from spa_fo.gap.data.evidence import Evidence, noise_floor
 from spa_fo.gap.data.hold_out import HeldOut, fraction_closed, judged, rmse
 from spa_fo.gap.decide.explanation import Explanation, simulate
 from spa_fo.gap.diagnosis import LawFound
