@@ -79,9 +79,7 @@ def collect(data: CampaignData) -> Evidence:
         pressure_noise_kpa=float("nan") if grid.measured_kpa is None else _white(pressures),
         variance=noise**2 / grid.counts + _BINNING_DEG**2 + (_TIMING_S * _rates(grid, rows)) ** 2,
         curve_sigma_deg=_curve_sigma(data.calibration),
-        fixture=fixture_of(
-            data.calibrations, grid.trials[0].started_s, [d.angles_deg for d in data.drifts]
-        ),
+        fixture=fixture_of(data.calibrations, grid.trials[0].started_s),
         drift_deg=drift,
         drift_sigma_deg=sigma,
         drift_angle_deg=angles,

@@ -39,7 +39,6 @@ class Fixture:
     log: Integers  # (rows,): which calibration
     dwell: Integers  # (rows,): which dwell, all calibrations counted through
     average: Floats  # (rows, rows): takes the settled mean at each angle away
-    drift_angles: tuple[Floats, ...]  # of each later calibration: compared with the first at, deg
     # By calibration, the fixture's angle and the lengths of the simulation's steps, as levels; the
     # time that the sensor lies flat afterwards belongs to it.
     paths: tuple[tuple[Floats, Integers], ...]
@@ -53,15 +52,15 @@ class Fixture:
     @cached_property
     def drifted(self) -> Floats:
         """What an error of each dwell's known angle makes of the later drifts, (m, dwells)."""
-        later = [
-            self._mean_at(log, angles) - self._mean_at(0, angles)
-            for log, angles in enumerate(self.drift_angles, start=1)
-        ]
-        return np.concatenate([np.zeros((0, self.of_dwell.shape[1])), *later])
+        later = [np.zeros((0, self.of_dwell.shape[1]))]
+        for log in range(1, len(self.paths)):
+            angles = np.unique(self.known_deg[self.log == log])
+            later.append(self._mean_at(log, angles) - self._mean_at(0, angles))
+        return np.concatenate(later)
 
     def _mean_at(self, log: int, angles_deg: Floats) -> Floats:
         """Weights of the mean over a calibration's dwells at some angles, (angles, dwells)."""
-        rows = (self.log == log) & (np.abs(self.known_deg - angles_deg[:, None]) < 1e-6)
+        rows = (self.log == log) & (self.known_deg == angles_deg[:, None])
         dwells = (rows @ self.of_dwell > 0.0).astype(np.float64)
         return np.asarray(dwells / np.maximum(dwells.sum(axis=1, keepdims=True), 1.0))
 
@@ -110,13 +109,10 @@ class Fixture:
         return self.average @ (mounting.logged_deg(mean) - self.known_deg), mounting
 
 
-def fixture_of(
-    calibrations: Sequence[Calibration], starts_s: float, drift_angles: Sequence[Floats] = ()
-) -> Fixture | None:
+def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture | None:
     """Lay every calibration's dwells on a common time line, the curve being the first one's.
 
-    The trials begin at `starts_s` (campaign time); for `drift_angles` see `Fixture`. Without a
-    calibration there is no fixture.
+    The trials begin at `starts_s` (campaign time). Without a calibration there is no fixture.
     """
     if not calibrations:
         return None
@@ -158,7 +154,6 @@ def fixture_of(
         log=log_of.astype(np.int64),
         dwell=dwell_of.astype(np.int64),
         average=average,
-        drift_angles=tuple(drift_angles),
         paths=tuple(paths),
         steps=np.column_stack([begin, end]).astype(np.int64),
     )

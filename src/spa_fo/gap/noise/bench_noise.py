@@ -113,7 +113,7 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     chain, trials = angle_chain(evidence, x, None), len(evidence.grid.trials)
     plain, quick = (chain.run(at_rate(x, rate), absent())[0] for rate in (1.0, 1.0 + _RATE_STEP))
     alike = repeats(evidence, evidence.grid.angle_deg, np.ones(trials, dtype=bool))
-    found = [_differences(evidence, each, (quick - plain) / _RATE_STEP) for each in alike]
+    found = [_taken_apart(evidence, each, (quick - plain) / _RATE_STEP) for each in alike]
     differences = [each for each in found if each is not None]
     spectrum = estimate(differences, evidence.noise_deg)
     nats, zeros_deg = 0.0, None
@@ -128,7 +128,7 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     return BenchNoise(spectrum, scattered, fixture_deg, beyond is not None, nats, zeros_deg)
 
 
-def _differences(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Differences | None:
+def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Differences | None:
     """Take trials that were run alike apart, where all of them have samples."""
     seen = np.isfinite(repeated.values).all(axis=0)
     if len(repeated.trials) < 2 or np.count_nonzero(seen) < _FEWEST_ROWS:

@@ -19,7 +19,7 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, null_space, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, helmert, null_space, solve_triangular
 from scipy.optimize import minimize
 
 from spa_fo.gap.data.searched import wave
@@ -143,11 +143,9 @@ def contrasts(
     `quicker`, (n,), is what a time scale of its own does to a trial, deg; `which` are these among
     all trials, (trials, all), where there are others.
     """
-    trials = len(angles_deg)
-    basis = np.linalg.qr(np.column_stack([np.ones(trials), np.eye(trials)[:, 1:]]))[0]
-    helmert = basis[:, 1:].T
-    between = helmert if which is None else helmert @ which
-    return _differences(helmert @ angles_deg, rows, angles_deg.mean(axis=0), quicker, between)
+    between = helmert(len(angles_deg))
+    values, mean = between @ angles_deg, angles_deg.mean(axis=0)
+    return _differences(values, rows, mean, quicker, between if which is None else between @ which)
 
 
 def misfit(time_s: Floats, left: Floats, shape: Floats) -> Differences:

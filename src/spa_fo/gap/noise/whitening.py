@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,15 +75,10 @@ def lay_rows(
         Of all samples of the grid; see `Averages`.
     """
     order = np.concatenate([own for group in groups for own in group])
+    trials = np.cumsum([0, *(own.size for group in groups for own in group)])
     merge = -(-order.size // most)
-    begins: list[int] = []
-    ends, at = [0], 0
-    for group in groups:
-        for own in group:
-            begins += range(at, at + own.size, merge)
-            at += own.size
-        ends.append(len(begins))
-    first = np.array(begins)
+    first = np.concatenate([np.arange(at, end, merge) for at, end in pairwise(trials)])
+    ends = np.cumsum([0, *(sum(own.size for own in group) for group in groups)])
     rows = Averages(time_s[order], width_s[order], count[order], fixed[order]).merged(first)
     laid = [
         Group(
@@ -90,9 +86,10 @@ def lay_rows(
             rows=here,
             trial=trial[order[first[here]]],
         )
-        for here in map(slice, ends[:-1], ends[1:])
+        for here in map(slice, *np.searchsorted(first, [ends[:-1], ends[1:]]).tolist())
     ]
-    return Rows(order, first, np.diff([*begins, at]).astype(np.float64), tuple(laid))
+    number = np.diff(np.append(first, order.size)).astype(np.float64)
+    return Rows(order, first, number, tuple(laid))
 
 
 @dataclass(frozen=True)
