@@ -34,7 +34,7 @@ TYPICAL_DEG = SETTINGS.coloured_deg
 """Prior median of each part's standard deviation, deg."""
 
 _PRIOR_SPREAD = np.append(np.full(6, np.log(SETTINGS.coloured_factor)), np.log(1.5))
-"""Of the logarithm of each standard deviation, the white one's last."""
+"""Of each logarithm; last, of the white part's about what neighbouring samples differ by."""
 _LOG_VARIANCES = (2.0 * np.log(1e-3), 4.0)
 _MOST_ROWS = 100
 _LINE_NATS = 10.0  # beyond the price of the search: a line in the differences is no noise
