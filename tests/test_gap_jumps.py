@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from spa_fo.gap.noise import jumps as room
-from spa_fo.gap.noise.jumps import Zeros, jumps
+from spa_fo.gap.noise import bench_noise as room
+from spa_fo.gap.noise.bench_noise import jumps
 
 Floats = NDArray[np.float64]
+Zeros = tuple[Floats, Floats, Floats]
 
 
 def between(experiments: list[list[int]], trials: int) -> Floats:
@@ -31,20 +32,21 @@ def seen(zeros: Floats, repeats: int, error_deg: float = 0.01) -> Zeros:
     trials = zeros.size
     kinds = trials // repeats
     every = between([list(range(k, trials, kinds)) for k in range(kinds)], trials)
-    return Zeros(every @ zeros, np.full(len(every), error_deg**2), every)
+    return every @ zeros, np.full(len(every), error_deg**2), every
 
 
 def plain_twin(zeros: Zeros, shifts: Floats, walks: Floats, scatters: Floats) -> float:
     """Weigh every hypothesis by the density of the contrasts under it."""
-    trials = zeros.between.shape[1]
+    values, variance, contrasts = zeros
+    trials = contrasts.shape[1]
     place = (np.arange(trials) + 0.5) / trials
     trend = np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
     after = [(np.arange(trials) >= j).astype(float) for j in range(1, trials)]
 
     def log(covariance: Floats) -> float:
-        own = zeros.between @ covariance @ zeros.between.T + np.diag(zeros.variance)
+        own = contrasts @ covariance @ contrasts.T + np.diag(variance)
         mean = np.zeros(len(own))
-        return float(multivariate_normal(mean, own).logpdf(zeros.values))
+        return float(multivariate_normal(mean, own).logpdf(values))
 
     still, moving = [], []
     for scatter in scatters:
@@ -73,7 +75,7 @@ def test_the_evidence_is_that_of_every_hypothesis_written_out(
     for name, values in zip(("_SHIFT_DEG", "_WALK_DEG", "_SCATTER_DEG"), few, strict=True):
         monkeypatch.setattr(room, name, values)
     zeros = seen(0.2 * rng.normal(size=8) + jump_deg * (np.arange(8) >= 5), 4)
-    assert jumps(zeros).nats == pytest.approx(plain_twin(zeros, *few), abs=1e-8)
+    assert jumps(*zeros)[0] == pytest.approx(plain_twin(zeros, *few), abs=1e-8)
 
 
 @settings(max_examples=25, deadline=None)
@@ -84,7 +86,7 @@ def test_scatter_and_trends_are_no_jumps(
     rng = np.random.default_rng(seed)
     place = np.arange(15) / 15
     zeros = scatter * (rng.normal(size=15) + linear * place + early * np.exp(-6.0 * place))
-    assert jumps(seen(zeros, 5)).nats < 7.0
+    assert jumps(*seen(zeros, 5))[0] < 7.0
 
 
 @pytest.mark.parametrize("at", [4, 7, 11])
@@ -92,9 +94,9 @@ def test_a_jump_is_found_and_taken_off(at: int) -> None:
     truth = 2.0 * (np.arange(15) >= at)
     nats, left = [], []
     for seed in range(40):
-        found = jumps(seen(truth + 0.2 * np.random.default_rng(seed).normal(size=15), 5))
-        nats.append(found.nats)
-        left.append(np.std(found.expected_deg(0.0) - truth) / np.std(truth))
+        one, found = jumps(*seen(truth + 0.2 * np.random.default_rng(seed).normal(size=15), 5))
+        nats.append(one)
+        left.append(np.std(found - truth) / np.std(truth))
     assert np.quantile(nats, 0.05) > 3.0
     assert np.quantile(left, 0.95) < 0.3
 
@@ -102,7 +104,7 @@ def test_a_jump_is_found_and_taken_off(at: int) -> None:
 def test_a_walk_is_found() -> None:
     rng = np.random.default_rng(5)
     nats = [
-        jumps(seen(np.cumsum(rng.normal(size=20)) + 0.1 * rng.normal(size=20), 5)).nats
+        jumps(*seen(np.cumsum(rng.normal(size=20)) + 0.1 * rng.normal(size=20), 5))[0]
         for _ in range(20)
     ]
     assert np.median(nats) > 3.0
@@ -110,12 +112,6 @@ def test_a_walk_is_found() -> None:
 
 def test_a_few_repeats_say_nothing() -> None:
     few = seen(np.array([0.0, 0.0, 9.0, 9.0]), 2)
-    found = jumps(few)
-    assert found.nats == 0.0
-    assert not found.zeros_deg.any()
-
-
-def test_what_is_improbable_beforehand_is_hardly_taken_off() -> None:
-    found = jumps(seen(3.0 * (np.arange(15) >= 7) + 0.0, 5))
-    assert np.ptp(found.expected_deg(0.0)) == pytest.approx(3.0, rel=0.05)
-    assert np.ptp(found.expected_deg(-found.nats - 10.0)) < 0.01
+    nats, zeros = jumps(*few)
+    assert nats == 0.0
+    assert not zeros.any()

@@ -15,14 +15,13 @@ from spa_fo.gap.noise.bench_noise import BenchNoise, dwell_error
 from spa_fo.gap.noise.coloured import (
     CORRELATION_S,
     TYPICAL_DEG,
+    Averages,
     Differences,
     Scatter,
     Spectrum,
-    averaged,
     contrasts,
     estimate,
     scatter,
-    whitener,
 )
 from spa_fo.gap.settings import SETTINGS
 
@@ -32,21 +31,21 @@ STEP_S = 0.02
 TYPICAL = Scatter(gain=0.01, rest_deg=0.2, time_scale=0.01)
 
 
-def steps(lengths: list[int]) -> tuple[Floats, Floats, Floats]:
-    """Middle, length and count of averages over so many samples each."""
+def steps(lengths: list[int], fixed: float = 0.0) -> Averages:
+    """Averages over so many samples each."""
     count = np.array(lengths, dtype=float)
     ends = np.cumsum(count) * STEP_S
-    return ends - 0.5 * count * STEP_S, count * STEP_S, count
+    return Averages(ends - 0.5 * count * STEP_S, count * STEP_S, count, np.full(count.size, fixed))
 
 
 @settings(deadline=None, max_examples=20)
 @given(st.lists(st.integers(1, 16), min_size=2, max_size=6))
 def test_correlations_of_averages_are_those_of_their_samples(lengths: list[int]) -> None:
     """Each window cut into many pieces, the process's own correlation between all of them."""
-    middle, width, _ = steps(lengths)
+    averages = steps(lengths)
     pieces = 200
     fine = (np.arange(pieces) + 0.5) / pieces - 0.5
-    inside = [m + w * fine for m, w in zip(middle, width, strict=True)]
+    inside = [m + w * fine for m, w in zip(averages.time_s, averages.width_s, strict=True)]
     for k, tau in enumerate(CORRELATION_S):
         naive = np.array(
             [
@@ -54,13 +53,15 @@ def test_correlations_of_averages_are_those_of_their_samples(lengths: list[int])
                 for a in inside
             ]
         )
-        np.testing.assert_allclose(averaged(middle, width)[k], naive, atol=2e-4)
+        np.testing.assert_allclose(averages.correlations()[k], naive, atol=2e-4)
 
 
 def test_a_whitener_makes_noise_white_and_knows_its_determinant() -> None:
-    middle, width, count = steps([1, 1, 2, 4, 8, 8, 8])
-    covariance = Spectrum(0.04, np.full(CORRELATION_S.size, 0.1)).covariance(middle, width, count)
-    w = whitener(covariance)
+    averages = steps([1, 1, 2, 4, 8, 8, 8])
+    noise = Spectrum(0.04, np.full(CORRELATION_S.size, 0.1))
+    covariance = np.tensordot(noise.coloured, averages.correlations(), axes=1)
+    covariance += np.diag(0.04 / averages.count)
+    w = noise.whitener(averages)
     np.testing.assert_allclose(w @ covariance @ w.T, np.eye(7), atol=1e-10)
     assert np.allclose(w, np.tril(w))
     assert -2.0 * np.sum(np.log(np.diag(w))) == pytest.approx(np.linalg.slogdet(covariance)[1])
@@ -72,7 +73,8 @@ def bench(
     """Make four experiments of four trials each on a bench of this noise and scatter."""
     rng = np.random.default_rng(seed)
     lengths = ([1] * 20 + [2] * 20 + [4] * 10 + [8] * 10) * 3
-    middle, width, count = steps(lengths)
+    averages = steps(lengths, fixed=1e-6)
+    count = averages.count
     time = STEP_S * (np.arange(int(count.sum())) + 0.5)
     starts = np.append(0, np.cumsum(lengths)[:-1])
     answer = 50.0 * (1.0 - np.exp(-time / 2.0))
@@ -92,8 +94,7 @@ def bench(
             whole = (1.0 + own.gain * gain) * answer + own.time_scale * scale * quicker
             trials.append(np.add.reduceat(whole + own.rest_deg * rest + noise, starts) / count)
         mean_quicker = np.add.reduceat(quicker, starts) / count
-        fixed = np.full(count.size, 1e-6)
-        found.append(contrasts(np.array(trials), middle, width, count, fixed, mean_quicker))
+        found.append(contrasts(np.array(trials), averages, mean_quicker))
     return found
 
 
@@ -143,11 +144,11 @@ def test_without_repeats_noise_is_what_benches_have() -> None:
 
 def test_contrasts_have_the_noise_of_one_trial_and_no_mean() -> None:
     rng = np.random.default_rng(7)
-    middle, width, count = steps([4] * 30)
+    averages = steps([4] * 30)
     angles = np.linspace(0.0, 40.0, 30) + rng.standard_normal((5, 30))
-    found = contrasts(angles, middle, width, count, np.zeros(30), np.zeros(30))
+    found = contrasts(angles, averages, np.zeros(30))
     assert found.values.shape == (4, 30)
-    shifted = contrasts(angles + 7.0, middle, width, count, np.zeros(30), np.zeros(30))
+    shifted = contrasts(angles + 7.0, averages, np.zeros(30))
     np.testing.assert_allclose(found.values, shifted.values, atol=1e-9)
     squares = np.sum((angles - angles.mean(axis=0)) ** 2)
     assert np.sum(found.values**2) == pytest.approx(squares)

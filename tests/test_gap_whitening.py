@@ -86,7 +86,7 @@ def test_the_factor_is_of_the_covariance_entry_by_entry() -> None:
     for group, lower in zip(rows.groups, lowers(factor), strict=True):
         n = group.time_s.size
         slow = np.zeros((n, n))
-        coloured = SPECTRUM.covariance(group.time_s, group.width_s, np.full(n, np.inf))
+        coloured = SPECTRUM.coloured_covariance(group)
         for i in range(n):
             for j in range(n):
                 if group.trial[i] == group.trial[j]:

@@ -149,7 +149,7 @@ def own_sources(finished: Path, tmp_path: Path) -> tuple[Path, dict[str, str]]:
     ("source", "rules"),
     [
         ("report/figures.py", {"all", "compare", "figures", "publish"}),
-        ("gap/data/floor.py", {"all", "diagnose", "compare", "publish"}),
+        ("gap/data/hold_out.py", {"all", "diagnose", "compare", "publish"}),
         ("compare/fading_memory.py", {"all", "compare", "publish"}),
         (
             "rig/calibration.py",

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.data.evidence import Evidence, angle_chain
-from spa_fo.gap.data.floor import repeats
+from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
 from spa_fo.gap.data.hold_out import HeldOut, judged, rmse, shrink
 from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.decide.examine import Examined

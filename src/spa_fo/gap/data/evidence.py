@@ -1,12 +1,14 @@
-"""What a campaign offers as evidence: angles, measured pressure, calibrations."""
+"""What a campaign offers as evidence: angles, pressure, calibrations, and trials run alike."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import make_interp_spline
 
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
@@ -22,66 +24,32 @@ Integers = NDArray[np.int64]
 _LONGEST_LEVEL = 4  # of a step: 0.32 s resolves what is slow, and a diagnosis takes many runs
 _BINNING_DEG = 0.03  # error of averaging a curve over a step
 _TIMING_S = 0.003  # error of one sample's time
-_CURVE_FLOOR_DEG, _BARE_CURVE_DEG = 0.08, 0.25
+_RATE_OVER_S = 0.12
+_CURVE_FLOOR_DEG = 0.08
+_NEAR_S = 0.4
+_ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
+_HATS = make_interp_spline(CURVE_KNOTS_DEG, np.eye(len(CURVE_KNOTS_DEG)), k=1)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """A campaign made ready for diagnosis.
-
-    Attributes
-    ----------
-    data : CampaignData
-        The campaign.
-    grid : CampaignGrid
-        Its trials on the simulator's grid.
-    experiment : (trials,) array
-        Index of each trial's experiment.
-    noise_deg : float
-        White noise of one sample's angle.
-    variance : (n,) array
-        Of each averaged sample, deg².
-    alike : (trials,) array
-        Number of the first trial of the same experiment and command.
-    curve_sigma_deg : (knots,) array
-        Error of the calibrated curve at `CURVE_KNOTS_DEG`.
-    bare_curve_sigma_deg : (knots,) array
-        The same once an explanation says what the film made of the calibration.
-    fixture : Fixture or None
-        Dwells of all calibrations.
-    drift_deg, drift_sigma_deg : (m,) arrays
-        What later calibrations read through the first curve, less what it read.
-    drift_angle_deg : (m,) array
-        At which angles.
-    drift_after : (m,) array
-        How many trials came before that calibration.
-    pressure_noise_kpa : float
-        White noise of one pressure sample; NaN without.
-    rows : list of arrays
-        By trial, its averaged samples.
-    takes_part : (trials,) bool array
-        Trials that explanations are chosen and fitted by; the others are held out.
-    usual : Usual or None
-        What a reference says that the model misses.
-    """
+    """A campaign made ready for diagnosis; n averaged samples, m angles of later calibrations."""
 
     data: CampaignData
     grid: CampaignGrid
-    experiment: Integers
-    noise_deg: float
-    variance: Floats
-    alike: Integers
-    curve_sigma_deg: Floats
-    bare_curve_sigma_deg: Floats
-    fixture: Fixture | None
-    drift_deg: Floats
-    drift_sigma_deg: Floats
-    drift_angle_deg: Floats
-    drift_after: Integers
-    pressure_noise_kpa: float
-    rows: list[Integers] = field(default_factory=list)
-    takes_part: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, dtype=bool))
-    usual: Usual | None = None
+    rows: list[Integers]  # by trial, its averaged samples
+    alike: Integers  # (trials,): number of the first trial of the same experiment and command
+    takes_part: NDArray[np.bool_]  # (trials,): explanations are fitted by these, others held out
+    noise_deg: float  # white noise of one sample's angle
+    pressure_noise_kpa: float  # the same of its pressure; NaN without
+    variance: Floats  # (n,): of each averaged sample, deg²
+    curve_sigma_deg: Floats  # (knots,): error of the calibrated curve at `CURVE_KNOTS_DEG`
+    fixture: Fixture | None  # dwells of all calibrations
+    drift_deg: Floats  # (m,): what later ones read through the first curve, less what it read
+    drift_sigma_deg: Floats  # (m,)
+    drift_angle_deg: Floats  # (m,): at which angles
+    drift_after: Integers  # (m,): how many trials came before
+    usual: Usual | None = None  # what a reference says that the model misses
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -90,49 +58,38 @@ class Evidence:
 
     @property
     def has_pressure(self) -> bool:
-        """Whether the pressure was measured in every trial."""
+        """Whether command and pressure were logged in every trial."""
         return self.grid.measured_kpa is not None and self.grid.command_kpa is not None
 
 
 def collect(data: CampaignData) -> Evidence:
     """Gather the evidence of a campaign."""
     grid = campaign_grid(data.trials, data.campaign.folder, longest=_LONGEST_LEVEL)
-    names = list(dict.fromkeys(trial.experiment for trial in grid.trials))
-    experiment = np.array([names.index(trial.experiment) for trial in grid.trials])
-    noise = _white([trial.angle_deg for trial in grid.trials])
-    pressure_noise = float("nan")
-    if grid.measured_kpa is not None:
-        pressure_noise = _white(
-            [trial.pressure_kpa for trial in grid.trials if trial.pressure_kpa is not None]
-        )
     rows = [np.flatnonzero(grid.sample_trial == i) for i in range(len(grid.trials))]
+    noise = _white([trial.angle_deg for trial in grid.trials])
+    pressures = [t.pressure_kpa for t in grid.trials if t.pressure_kpa is not None]
     drift, sigma, angles, after = _drifts(data, grid)
     return Evidence(
         data=data,
         grid=grid,
-        experiment=experiment,
+        rows=rows,
+        alike=_run_alike(grid),
+        takes_part=np.ones(len(rows), dtype=bool),
         noise_deg=noise,
+        pressure_noise_kpa=float("nan") if grid.measured_kpa is None else _white(pressures),
         variance=noise**2 / grid.counts + _BINNING_DEG**2 + (_TIMING_S * _rates(grid, rows)) ** 2,
-        alike=_run_alike(grid, experiment),
         curve_sigma_deg=_curve_sigma(data.calibration),
-        bare_curve_sigma_deg=_curve_sigma(data.calibration, bare=True),
-        fixture=fixture_of(
-            data.calibrations, grid.trials[0].started_s, [d.angles_deg for d in data.drifts]
-        ),
+        fixture=fixture_of(data.calibrations, grid.trials[0].started_s),
         drift_deg=drift,
         drift_sigma_deg=sigma,
         drift_angle_deg=angles,
         drift_after=after,
-        pressure_noise_kpa=pressure_noise,
-        rows=rows,
-        takes_part=np.ones(len(grid.trials), dtype=bool),
     )
 
 
 def _white(signals: Sequence[Floats]) -> float:
     """White noise by second differences, which a smooth signal hardly enters."""
-    squares = [np.diff(signal, 2) ** 2 / 6.0 for signal in signals if signal.size > 3]
-    every = np.concatenate(squares)
+    every = np.concatenate([np.diff(signal, 2) ** 2 / 6.0 for signal in signals])
     # Jumps of the signal are outliers: a trimmed mean, scaled for normal noise.
     kept = every[every <= np.quantile(every, 0.95)]
     return max(float(np.sqrt(kept.mean() / 0.7588)), 1e-3)
@@ -142,28 +99,25 @@ def _rates(grid: CampaignGrid, rows: list[Integers]) -> Floats:
     """How fast the angle changes at each averaged sample, deg/s, over a quarter second."""
     rates = np.zeros(grid.angle_deg.size)
     for own in rows:
-        time, angle = grid.time_s[own], grid.angle_deg[own]
-        area = np.concatenate([[0.0], np.cumsum(0.5 * (angle[1:] + angle[:-1]) * np.diff(time))])
-        ahead = np.interp(time + 0.12, time, area) - np.interp(time, time, area)
-        behind = np.interp(time, time, area) - np.interp(time - 0.12, time, area)
-        rates[own] = np.abs(ahead - behind) / 0.12**2
+        time = grid.time_s[own]
+        area = cumulative_trapezoid(grid.angle_deg[own], time, initial=0)
+        about = np.interp(time + _RATE_OVER_S * np.array([[-1.0], [0.0], [1.0]]), time, area)
+        rates[own] = np.abs(np.diff(about, 2, axis=0)[0]) / _RATE_OVER_S**2
     return rates
 
 
-def _run_alike(grid: CampaignGrid, experiment: Integers) -> Integers:
+def _run_alike(grid: CampaignGrid) -> Integers:
     """Give each trial the number of the first one of the same experiment and command."""
-    number = np.empty(experiment.size, dtype=np.int64)
-    first_of: dict[int, int] = {}
-    for i, group in enumerate(experiment.tolist()):
-        first = first_of.setdefault(group, i)
-        number[i] = first if _alike(_drive(grid, first), _drive(grid, i)) else i
-    return number
-
-
-def _drive(grid: CampaignGrid, trial: int) -> Floats:
-    cells = grid.command_kpa if grid.command_kpa is not None else grid.pressure_kpa
+    cells = grid.pressure_kpa if grid.command_kpa is None else grid.command_kpa
     assert cells is not None
-    return cells[grid.cell_starts[trial] : grid.cell_starts[trial + 1]]
+    drives = np.split(cells, grid.cell_starts[1:-1])
+    number = np.arange(len(drives))
+    first_of: dict[str, int] = {}
+    for i, trial in enumerate(grid.trials):
+        first = first_of.setdefault(trial.experiment, i)
+        if _alike(drives[first], drives[i]):
+            number[i] = first
+    return number
 
 
 def _alike(one: Floats, other: Floats) -> bool:
@@ -175,31 +129,16 @@ def _alike(one: Floats, other: Floats) -> bool:
 
 
 def curve_columns(angle_deg: Floats) -> Floats:
-    """Hats of the sensor curve's knots at these angles; shape (n, knots), none at 0 degrees."""
-    knots = np.array(CURVE_KNOTS_DEG)
-    first, last = knots[0], knots[-1]
-    inside = np.clip(angle_deg, first, last)
-    columns = np.array([np.interp(inside, knots, row) for row in np.eye(knots.size)]).T
-    # Beyond the knots the curve goes on straight.
-    for below, edge, other in ((True, 0, 1), (False, -1, -2)):
-        far = angle_deg < first if below else angle_deg > last
-        share = (angle_deg - knots[edge]) / (knots[edge] - knots[other])
-        columns[far, edge] += share[far]
-        columns[far, other] -= share[far]
-    return np.delete(columns, CURVE_KNOTS_DEG.index(0.0), axis=1)
+    """Hats of the sensor curve's knots at some angles, (n, knots): none at 0°, lines beyond."""
+    return np.delete(np.asarray(_HATS(angle_deg)), _ZERO_KNOT, axis=1)
 
 
-def _curve_sigma(calibration: Calibration | None, bare: bool = False) -> Floats:
-    """Error of the curve at its knots; `bare` is without what a film's hysteresis does to it."""
-    knots = np.delete(np.array(CURVE_KNOTS_DEG), CURVE_KNOTS_DEG.index(0.0))
+def _curve_sigma(calibration: Calibration | None) -> Floats:
+    """Error of the curve at its knots."""
+    knots = np.delete(np.array(CURVE_KNOTS_DEG), _ZERO_KNOT)
     if calibration is None:
         return np.full(knots.size, _CURVE_FLOOR_DEG)
-    at_knots = calibration.sigma_knots_deg
-    if bare:
-        # Its hysteresis makes the curve look as rough as it is wide.
-        at_knots = np.minimum(at_knots, _BARE_CURVE_DEG)
-    rising = np.argsort(calibration.angles_deg)  # counts may fall with the angle
-    sigma = np.interp(knots, calibration.angles_deg[rising], at_knots[rising])
+    sigma = _sigma_at(calibration, knots)
     low, high = calibration.range_deg
     # The curve is a line beyond its ends, and real sensors are not.
     sigma = np.where(knots < low, 0.3 * (low - knots), sigma)
@@ -207,19 +146,87 @@ def _curve_sigma(calibration: Calibration | None, bare: bool = False) -> Floats:
     return np.asarray(np.hypot(sigma, _CURVE_FLOOR_DEG))
 
 
+def _sigma_at(calibration: Calibration, angle_deg: Floats) -> Floats:
+    rising = np.argsort(calibration.angles_deg)  # counts may fall with the angle
+    return np.interp(angle_deg, calibration.angles_deg[rising], calibration.sigma_knots_deg[rising])
+
+
 def _drifts(data: CampaignData, grid: CampaignGrid) -> tuple[Floats, Floats, Floats, Integers]:
-    curve = data.calibration
-    if not data.drifts or curve is None:
+    """Drifts of all later calibrations, their errors, angles, and the trials before them."""
+    if not data.drifts or data.calibration is None:
         return np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
     drift = np.concatenate([item.drift_deg for item in data.drifts])
     angle = np.concatenate([item.angles_deg for item in data.drifts])
-    rising = np.argsort(curve.angles_deg)  # counts may fall with the angle
-    sigma = np.interp(angle, curve.angles_deg[rising], curve.sigma_knots_deg[rising])
-    before = [
-        sum(trial.started_s < item.started_s for trial in grid.trials) for item in data.drifts
-    ]
+    before = [sum(t.started_s < item.started_s for t in grid.trials) for item in data.drifts]
     after = np.repeat(before, [item.drift_deg.size for item in data.drifts])
-    return drift, np.hypot(sigma, 0.1), angle, after
+    return drift, np.hypot(_sigma_at(data.calibration, angle), 0.1), angle, after
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """Trials that were run alike, on the n averaged samples of the longest of them."""
+
+    rows: Integers  # (n,): the averaged samples of that trial
+    weight: Floats  # (n,): samples averaged in each
+    values: Floats  # (trials, n): of all of them at its times; NaN where one has no sample near
+    trials: Integers  # (trials,): which they are, as an index into the grid's
+
+
+def repeats(evidence: Evidence, values: Floats, which: NDArray[np.bool_]) -> list[Repeats]:
+    """Align a signal at the averaged samples, (n,), over trials run alike; `which`: (trials,)."""
+    grid, found = evidence.grid, []
+    for first in np.unique(evidence.alike[which]):
+        trials = np.flatnonzero(which & (evidence.alike == first))
+        # The longest trial says when: a board's reset may have cut others.
+        rows = evidence.rows[max(trials, key=lambda trial: evidence.rows[trial].size)]
+        time = grid.time_s[rows]
+        aligned = np.full((trials.size, rows.size), np.nan)
+        for k, trial in enumerate(trials):
+            own = grid.time_s[evidence.rows[trial]]
+            after = np.minimum(np.searchsorted(own, time), own.size - 1)
+            before = np.maximum(after - 1, 0)
+            near = np.minimum(np.abs(own[after] - time), np.abs(own[before] - time)) < _NEAR_S
+            aligned[k, near] = np.interp(time, own, values[evidence.rows[trial]])[near]
+        found.append(Repeats(rows, grid.counts[rows], aligned, trials))
+    return found
+
+
+def noise_floor(
+    evidence: Evidence, explained_deg: Floats | None = None, otherwise: float | None = None
+) -> float:
+    """RMS by which trials of one experiment deviate from their expected mean, deg.
+
+    Scatter in gain, rest angle and rate and the noise of single samples included; pooled over the
+    experiments, so one with a single trial borrows it. Where trials drift with their order, the
+    differences of successive ones count (von Neumann 1941, doi:10.1214/aoms/1177731677), or the
+    drift would hide itself in the floor.
+
+    Parameters
+    ----------
+    explained_deg : (n,) array, optional
+        What an explanation predicts: by how much it lets trials differ is no scatter.
+    otherwise : float, optional
+        What is returned where nothing was repeated; by default the noise of single samples.
+    """
+    values = evidence.grid.angle_deg
+    if explained_deg is not None:
+        values = values - explained_deg
+    squares, weights = np.zeros(2), np.zeros(2)  # about the mean; of successive trials
+    for repeated in repeats(evidence, values, np.ones(len(evidence.grid.trials), dtype=bool)):
+        seen = np.isfinite(repeated.values)
+        angle = np.where(seen, repeated.values, 0.0)
+        count, both = seen.sum(axis=0), seen[1:] & seen[:-1]
+        centred = np.where(seen, angle - angle.sum(axis=0) / np.maximum(count, 1), 0.0)
+        steps = np.where(both, np.diff(angle, axis=0), 0.0)
+        freedom = np.array([np.maximum(count - 1, 0), both.sum(axis=0)])
+        square = np.array([np.sum(centred**2, axis=0), np.sum(steps**2, axis=0) / 2.0])
+        # Averaging over a step took white noise away; it is given back below.
+        squares += (square - freedom * evidence.noise_deg**2 / repeated.weight) @ repeated.weight
+        weights += freedom @ repeated.weight
+    if not weights[0]:
+        return evidence.noise_deg if otherwise is None else otherwise
+    between = float(np.min(squares / np.maximum(weights, 1e-9)))
+    return float(np.sqrt(max(between, 0.0) + evidence.noise_deg**2))
 
 
 def angle_chain(evidence: Evidence, x: Floats, pressure_kpa: Floats | None) -> Chain:
@@ -240,12 +247,10 @@ def with_usual(
 
     Parameters
     ----------
-    evidence : Evidence
-        A campaign.
+    evidence, given : Evidence, (5,) array
+        A campaign, and the model's coefficients.
     usual : sequence of pairs of (rows,) arrays
         By trial of the campaign's data, at its rows: what is missed, and its standard deviation.
-    given : (5,) array
-        Coefficients of the model.
     """
     grid = evidence.grid
     angle = np.zeros(grid.level.size)
@@ -255,8 +260,7 @@ def with_usual(
         mean, deviation = by_order[trial.order]
         squares.append(deviation[~trial.after_reset] ** 2)
         own = slice(grid.step_starts[i], grid.step_starts[i] + grid.trial_steps[i])
-        ends_s = np.cumsum(STEPS_S[grid.level[own]])
-        angle[own] = np.interp(ends_s, trial.t_s, mean)
+        angle[own] = np.interp(np.cumsum(STEPS_S[grid.level[own]]), trial.t_s, mean)
     return replace(
         evidence,
         usual=Usual(angle, static_gain(given)),

@@ -21,18 +21,10 @@ _PIECES = 8  # of a lone held-out trial
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Which trials are held out.
+    """Which trials are held out."""
 
-    Attributes
-    ----------
-    trials : (trials,) bool array
-        True for those that take no part.
-    text : str
-        What they are, in words.
-    """
-
-    trials: NDArray[np.bool_]
-    text: str
+    trials: NDArray[np.bool_]  # (trials,): True for those that take no part
+    text: str  # what they are, in words
 
 
 def hold_out(evidence: Evidence, rng: np.random.Generator) -> HeldOut:
@@ -70,6 +62,20 @@ def rmse(evidence: Evidence, predicted_deg: Floats, where: NDArray[np.bool_]) ->
     return float(np.sqrt(np.average(squares[where], weights=evidence.grid.counts[where])))
 
 
+def _squares(evidence: Evidence, predicted_deg: Floats) -> Floats:
+    """Mean squared error of the single samples behind each averaged one."""
+    grid = evidence.grid
+    white = evidence.noise_deg**2 * (1.0 - 1.0 / grid.counts)
+    return np.asarray((grid.angle_deg - predicted_deg) ** 2 + white)
+
+
+def fraction_closed(before: Floats | float, after: Floats | float, floor_deg: float) -> Floats:
+    """Share of the gap that closes: 1 - (after - floor²) / (before - floor²), errors as squares."""
+    # Hardly a gap has no part that could be told, and no more than all of it closes.
+    gap = np.maximum(before - floor_deg**2, (_HARDLY * floor_deg) ** 2 + 1e-6)
+    return np.asarray(1.0 - np.maximum(after - floor_deg**2, 0.0) / gap)
+
+
 def shrink(
     evidence: Evidence,
     held: HeldOut,
@@ -81,80 +87,47 @@ def shrink(
 
     Parameters
     ----------
-    evidence : Evidence
-        The campaign.
-    held : HeldOut
-        Trials that took no part.
+    evidence, held : Evidence, HeldOut
+        The campaign, and its trials that took no part.
     curves : dict
-        Predictions at the averaged samples, deg: ``plain``, ``refit``, ``explained`` and
-        ``ceiling``.
+        Predictions at the averaged samples, deg: ``plain``, ``refit``, ``explained``, ``ceiling``.
     floor_deg : float
         The noise floor.
     rng : numpy.random.Generator
-        For the bootstrap over trials.
+        For the bootstrap over trials, or over the pieces of a lone one.
     """
     where = judged(evidence, held)
-    unit = _units(evidence, where)
-    trials = np.unique(evidence.grid.sample_trial[where])
-    draw_of = np.unique(unit[where])
-    weights = np.array([evidence.grid.counts[unit == i].sum() for i in draw_of])
-
-    def by_unit(name: str) -> Floats:
-        squares = _squares(evidence, curves[name]) * evidence.grid.counts
-        return np.array([squares[unit == i].sum() for i in draw_of])
-
-    before, after = by_unit("plain"), by_unit("explained")
+    errors = {name: rmse(evidence, curve, where) for name, curve in curves.items()}
     # What is left bounds what these trials differ by.
-    floor_deg = min(floor_deg, rmse(evidence, curves["explained"], where))
-    draws = rng.integers(draw_of.size, size=(_DRAWS, draw_of.size))
+    floor_deg = min(floor_deg, errors["explained"])
+    trials, unit = np.unique(evidence.grid.sample_trial[where], return_inverse=True)
+    if trials.size == 1:
+        time = evidence.grid.time_s[where]
+        share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-9)
+        pieces = np.minimum((_PIECES * share).astype(np.int64), _PIECES - 1)
+        unit = np.unique(pieces, return_inverse=True)[1]
+    counts = evidence.grid.counts[where]
+    sums = [
+        np.bincount(unit, weights=counts * _squares(evidence, curves[name])[where])
+        for name in ("plain", "explained")
+    ]
+    weights = np.bincount(unit, weights=counts)
+    draws = rng.integers(weights.size, size=(_DRAWS, weights.size))
     total = weights[draws].sum(axis=1)
-    closed = fraction_closed(
-        before[draws].sum(axis=1) / total, after[draws].sum(axis=1) / total, floor_deg
-    )
-    whole = float(
-        fraction_closed(before.sum() / weights.sum(), after.sum() / weights.sum(), floor_deg)
-    )
-    low, high = np.quantile(closed, [0.025, 0.975])
+    before, after = (each[draws].sum(axis=1) / total for each in sums)
+    low, high = np.quantile(fraction_closed(before, after, floor_deg), [0.025, 0.975])
+    whole = float(fraction_closed(errors["plain"] ** 2, errors["explained"] ** 2, floor_deg))
     # Few trials: Student's t against the normal quantile that the bootstrap stands for.
     wide = 1.0 + 2.0 / max(trials.size - 1, 1)
     low = min(whole - wide * (whole - low), whole - _LEAST_HALF_WIDTH)
     high = max(whole + wide * (high - whole), whole + _LEAST_HALF_WIDTH)
     return Shrink(
         held_out_on=held.text,
-        before_rmse_deg=rmse(evidence, curves["plain"], where),
-        after_rmse_deg=rmse(evidence, curves["explained"], where),
-        refit_only_rmse_deg=rmse(evidence, curves["refit"], where),
-        ceiling_rmse_deg=rmse(evidence, curves["ceiling"], where),
+        before_rmse_deg=errors["plain"],
+        after_rmse_deg=errors["explained"],
+        refit_only_rmse_deg=errors["refit"],
+        ceiling_rmse_deg=errors["ceiling"],
         noise_floor_deg=floor_deg,
         fraction_closed=whole,
         ci95=(float(max(low, min(whole, -1.0))), float(high)),
     )
-
-
-def _units(evidence: Evidence, where: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Tell for each sample what the bootstrap draws it with: its trial, or a piece of a lone one.
-
-    Elsewhere than in `where` it is -1.
-    """
-    unit = np.where(where, evidence.grid.sample_trial, -1)
-    trials = np.unique(unit[where])
-    if trials.size == 1:
-        rows = evidence.rows[int(trials[0])]
-        time = evidence.grid.time_s[rows]
-        share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-9)
-        unit[rows] = np.minimum((_PIECES * share).astype(np.int64), _PIECES - 1)
-    return unit
-
-
-def fraction_closed(before: Floats | float, after: Floats | float, floor_deg: float) -> Floats:
-    """Share of the gap that closes: 1 - (after - floor²) / (before - floor²), errors as squares."""
-    # Hardly a gap has no part that could be told, and no more than all of it closes.
-    gap = np.maximum(before - floor_deg**2, (_HARDLY * floor_deg) ** 2 + 1e-6)
-    return np.asarray(1.0 - np.maximum(after - floor_deg**2, 0.0) / gap)
-
-
-def _squares(evidence: Evidence, predicted_deg: Floats) -> Floats:
-    """Mean squared error of the single samples behind each averaged one."""
-    grid = evidence.grid
-    white = evidence.noise_deg**2 * (1.0 - 1.0 / grid.counts)
-    return np.asarray((grid.angle_deg - predicted_deg) ** 2 + white)

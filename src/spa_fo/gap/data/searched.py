@@ -35,12 +35,7 @@ def to_x(z: Floats) -> Floats:
 def searched_spread(z: Floats, orders: float, logs: float, gain: float) -> Floats:
     """Covariance of searched coefficients about `z`, (5, 5).
 
-    Parameters
-    ----------
-    z : (5,) array
-        Searched coefficients.
-    orders, logs, gain : float
-        Standard deviations of both orders, of ln a1 and ln a0, and of ln K.
+    Given are the standard deviations of both orders, of ln a1 and ln a0, and of ln K.
     """
     slopes = np.eye(5)
     slopes[1, :2] = -z[1] / z[0], 1.0 / z[0]
@@ -54,10 +49,11 @@ def at_rate(x: Floats, factor: float) -> Floats:
     return np.array([x[0], x[1], x[2] * factor ** (x[0] - x[1]), x[3] * fast, x[4] * fast])
 
 
-def wave(hz: float, time_s: Floats) -> Floats:
-    """Cosine and sine, (n, 2)."""
-    phase = 2.0 * np.pi * hz * time_s
-    return np.column_stack([np.cos(phase), np.sin(phase)])
+def wave(hz: float | Floats, time_s: Floats, width_s: Floats | float = 0.0) -> Floats:
+    """Cosine and sine averaged over windows, (n, 2), or (n, k, 2) of k frequencies."""
+    phase = 2.0 * np.pi * np.multiply.outer(time_s, hz)
+    blur = np.sinc(np.multiply.outer(width_s, hz))
+    return np.stack([np.cos(phase), np.sin(phase)], axis=-1) * blur[..., None]
 
 
 @dataclass(frozen=True)

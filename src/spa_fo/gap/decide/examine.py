@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.data.evidence import Evidence, collect, with_usual
-from spa_fo.gap.data.floor import noise_floor
+from spa_fo.gap.data.evidence import Evidence, collect, noise_floor, with_usual
 from spa_fo.gap.data.hold_out import HeldOut, hold_out
 from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure, with_nominal
 from spa_fo.gap.decide.verdict import Verdict

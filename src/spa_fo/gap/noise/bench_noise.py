@@ -6,17 +6,19 @@ Said beside a diagnosis; what explains the gap is weighed without it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.special import expit, logsumexp, softmax
 
-from spa_fo.gap.data.evidence import Evidence, angle_chain
-from spa_fo.gap.data.floor import Repeats, repeats
+from spa_fo.gap.data.evidence import Evidence, Repeats, angle_chain, repeats
 from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.noise.coloured import (
     CORRELATION_S,
+    Averages,
     Differences,
     Scatter,
     Spectrum,
@@ -24,7 +26,6 @@ from spa_fo.gap.noise.coloured import (
     estimate,
     scatter,
 )
-from spa_fo.gap.noise.jumps import Jumps, Zeros, jumps
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import absent, at_port
@@ -50,55 +51,35 @@ _SURE = 4.0  # second differences; what is missing of so many is an ordinary fix
 
 @dataclass(frozen=True)
 class BenchNoise:
-    """What repeated trials of a campaign differ by, and by how much its fixture errs.
+    """What repeated trials of a campaign differ by, and by how much its fixture errs."""
 
-    Attributes
-    ----------
-    spectrum : Spectrum
-        Within a trial.
-    scatter : Scatter
-        From trial to trial.
-    fixture_deg : float or None
-        Error of a calibration dwell's known angle; None where no angle was held twice.
-    compared : bool
-        Whether a reference says what is to be expected beside it.
-    moving_nats : float
-        Log evidence, of repeats alone, that the zeros of trials move and do not scatter.
-    zeros_deg : (trials,) array
-        How they are expected to move: no scatter. Empty where nothing says it.
-    """
-
-    spectrum: Spectrum
-    scatter: Scatter
-    fixture_deg: float | None
-    compared: bool = False
-    moving_nats: float = 0.0
-    zeros_deg: Floats = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def correlation_s(self) -> float:
-        """Typical correlation time of the coloured part, s."""
-        shares = self.spectrum.coloured / self.spectrum.coloured.sum()
-        return float(np.exp(shares @ np.log(CORRELATION_S)))
+    spectrum: Spectrum  # within a trial
+    scatter: Scatter  # from trial to trial
+    fixture_deg: float | None  # error of a dwell's known angle; None where none was held twice
+    compared: bool = False  # whether a reference says what is to be expected beside it
+    moving_nats: float = 0.0  # log evidence, of repeats alone, that zeros move and do not scatter
+    zeros_deg: Floats | None = None  # (trials,): how they are expected to move, if known
 
     def moved_deg(self, trial: Integers) -> Floats:
         """Give how the zeros of these trials are expected to move, deg."""
-        return self.zeros_deg[trial] if self.zeros_deg.size else np.zeros(trial.size)
+        return np.zeros(trial.size) if self.zeros_deg is None else self.zeros_deg[trial]
 
     def floor_deg(self, angle_deg: Floats) -> float:
         """Give what trials of these angles would differ by from their mean, RMS, deg."""
-        own = self.scatter
-        gain = own.gain * float(np.sqrt(np.mean(angle_deg**2)))
-        return float(np.hypot(np.hypot(self.spectrum.deviation_deg, own.rest_deg), gain))
+        gain = self.scatter.gain * np.sqrt(np.mean(angle_deg**2))
+        parts = self.spectrum.deviation_deg, self.scatter.rest_deg, gain
+        return float(np.linalg.norm(parts))
 
     def sentence(self) -> str:
         """Say it to a reader; empty where no experiment has a repeat."""
         if not self.spectrum.repeats:
             return ""
         noise_deg, own = self.spectrum.deviation_deg, self.scatter
+        shares = self.spectrum.coloured / self.spectrum.coloured.sum()
+        correlation_s = np.exp(shares @ np.log(CORRELATION_S))
         text = (
             f"What repeated trials differ by: within a trial noise of {noise_deg:.2g}°, correlated "
-            f"over about {self.correlation_s:.1g} s; from trial to trial {100.0 * own.gain:.2g} % "
+            f"over about {correlation_s:.1g} s; from trial to trial {100.0 * own.gain:.2g} % "
             f"in gain, {own.rest_deg:.2g}° at rest, {100.0 * own.time_scale:.2g} % in time scale."
         )
         if self.fixture_deg is not None:
@@ -108,29 +89,14 @@ class BenchNoise:
 
 @dataclass(frozen=True)
 class Beyond:
-    """What is to be expected beside a bench's own noise: what a learned correction misses.
-
-    Attributes
-    ----------
-    angle : Spectrum
-        Of the angle, deg².
-    scatter : Scatter
-        From one campaign to another.
-    angle_deg : float
-        RMS of all of it.
-    pressure : Spectrum or None
-        Of the pressure, kPa²; None where that was not logged.
-    pressure_kpa : float
-        RMS of all of it.
-    usual : tuple of pairs of (rows,) arrays
-        The correction itself, by trial of the campaign, and how well it is known, deg.
-    """
+    """What is to be expected beside a bench's own noise: what a learned correction misses."""
 
     angle: Spectrum
-    scatter: Scatter
-    angle_deg: float
-    pressure: Spectrum | None = None
-    pressure_kpa: float = 0.0
+    scatter: Scatter  # from one campaign to another
+    angle_deg: float  # RMS of all of it
+    pressure: Spectrum | None = None  # kPa²; None where no pressure was logged
+    pressure_kpa: float = 0.0  # RMS of all of it
+    # The correction itself, (rows,) by trial of the campaign, and how well it is known, deg.
     usual: tuple[tuple[Floats, Floats], ...] = ()
 
 
@@ -139,68 +105,122 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
 
     Parameters
     ----------
-    evidence : Evidence
-        The campaign.
+    evidence, beyond : Evidence, Beyond or None
+        The campaign, and what is to be expected beside it.
     x : (5,) array
         Coefficients of the given model: they say what a trial's own time scale does to it.
-    beyond : Beyond, optional
-        What is to be expected beside it.
     """
-    chain = angle_chain(evidence, x, None)
+    chain, trials = angle_chain(evidence, x, None), len(evidence.grid.trials)
     plain, quick = (chain.run(at_rate(x, rate), absent())[0] for rate in (1.0, 1.0 + _RATE_STEP))
-    quicker = (quick - plain) / _RATE_STEP
-    every = np.ones(len(evidence.grid.trials), dtype=bool)
-    differences = [
-        found
-        for repeated in repeats(evidence, evidence.grid.angle_deg, every)
-        if (found := _differences(evidence, repeated, quicker)) is not None
-    ]
+    alike = repeats(evidence, evidence.grid.angle_deg, np.ones(trials, dtype=bool))
+    found = [_taken_apart(evidence, each, (quick - plain) / _RATE_STEP) for each in alike]
+    differences = [each for each in found if each is not None]
     spectrum = estimate(differences, evidence.noise_deg)
-    nats, zeros_deg = 0.0, np.zeros(0)
+    nats, zeros_deg = 0.0, None
     name = at_port("zeros")
     if beyond is None and differences and name is not None:
-        moving = _moving(differences, spectrum)
-        nats, zeros_deg = moving.nats, moving.expected_deg(log_prior((name,)) - log_prior(()))
-    scattered = scatter(differences, spectrum, TYPICAL, zeros_deg=zeros_deg)
+        nats, moved = _moving(differences, spectrum)
+        zeros_deg = expit(nats + log_prior((name,)) - log_prior(())) * moved
+    scattered = scatter(differences, spectrum, TYPICAL, zeros_deg)
     if beyond is not None:
         spectrum, scattered = spectrum.beside(beyond.angle), scattered.beside(beyond.scatter)
-    return BenchNoise(
-        spectrum=spectrum,
-        scatter=scattered,
-        fixture_deg=dwell_error(evidence.data.calibrations),
-        compared=beyond is not None,
-        moving_nats=nats,
-        zeros_deg=zeros_deg,
-    )
+    fixture_deg = dwell_error(evidence.data.calibrations)
+    return BenchNoise(spectrum, scattered, fixture_deg, beyond is not None, nats, zeros_deg)
 
 
-def _moving(differences: Sequence[Differences], spectrum: Spectrum) -> Jumps:
-    """Weigh whether zeros move with the trials' order."""
-    own = [d.own(spectrum) for d in differences]
-    return jumps(
-        Zeros(
-            values=np.concatenate([values[:, 0] for values, _ in own]),
-            variance=np.concatenate([np.full(len(values), var[0]) for values, var in own]),
-            between=np.vstack([d.between for d in differences]),
-        )
-    )
-
-
-def _differences(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Differences | None:
+def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Differences | None:
     """Take trials that were run alike apart, where all of them have samples."""
     seen = np.isfinite(repeated.values).all(axis=0)
-    if repeated.values.shape[0] < 2 or np.count_nonzero(seen) < _FEWEST_ROWS:
+    if len(repeated.trials) < 2 or np.count_nonzero(seen) < _FEWEST_ROWS:
         return None
     rows, grid = repeated.rows[seen], evidence.grid
-    return contrasts(
-        repeated.values[:, seen],
-        grid.time_s[rows],
-        np.asarray(STEPS_S[grid.level[grid.sample_step[rows]]], dtype=np.float64),
-        repeated.weight[seen],
-        np.full(rows.size, _FIXED_DEG**2),
-        quicker[rows],
-        np.eye(len(grid.trials))[repeated.trials],
+    width_s = np.asarray(STEPS_S[grid.level[grid.sample_step[rows]]], dtype=np.float64)
+    fixed = np.full(rows.size, _FIXED_DEG**2)
+    averages = Averages(grid.time_s[rows], width_s, repeated.weight[seen], fixed)
+    which = np.eye(len(grid.trials))[repeated.trials]
+    return contrasts(repeated.values[:, seen], averages, quicker[rows], which)
+
+
+def _moving(differences: Sequence[Differences], spectrum: Spectrum) -> tuple[float, Floats]:
+    """Weigh whether zeros move with the trials' order; see `jumps`."""
+    own = [d.own(spectrum) for d in differences]
+    return jumps(
+        np.concatenate([values[:, 0] for values, _ in own]),
+        np.concatenate([np.full(len(values), variance[0]) for values, variance in own]),
+        np.vstack([d.between for d in differences]),
     )
+
+
+# Standard deviations that are tried, alike in weight: wide, assumed.
+_SCATTER_DEG = np.geomspace(0.02, 3.0, 12)
+_SHIFT_DEG = np.geomspace(0.1, 10.0, 7)
+_WALK_DEG = np.geomspace(0.05, 3.0, 6)
+_TREND = 3.0  # scatters that zeros may go with their order by
+_FEWEST = 3  # contrasts, which a jump and a scatter take two of
+
+
+def jumps(values: Floats, variance: Floats, between: Floats) -> tuple[float, Floats]:
+    """Weigh whether the zeros of trials jump or wander, beyond scatter and a trend.
+
+    Repeats of one experiment say it without any explanation: what an explanation misses of them, it
+    misses of all alike. Their zeros scatter independently, with a variance that is not known, and
+    may go with the order of the campaign as what creeps, softens or warms up does. A sensor that
+    slips moves all zeros that follow: once, twice, or a little before every trial,
+
+        ζ = σ ε + τ T b + { 0;  a H_j;  a H_j + a' H_k;  w Σ_j ε_j H_j },    H_j = [order ≥ j],
+
+    each by its marginal likelihood, integrated over the variances and summed over the places.
+
+    Parameters
+    ----------
+    values, variance : (n,) arrays
+        Orthonormal contrasts of the zeros, deg, and variance of their errors.
+    between : (n, trials) array
+        What they are contrasts of, in the order of the campaign.
+
+    Returns
+    -------
+    nats, zeros_deg : float, (trials,) array
+        Log evidence that zeros move, against scatter and a trend alone; what they are if so.
+    """
+    trials = between.shape[1]
+    if values.size < _FEWEST:
+        return 0.0, np.zeros(trials)
+    after = np.tri(trials)[:, 1:]
+    place = (np.arange(trials) + 0.5) / trials
+    trend = between @ np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
+    every = np.arange(trials - 1)
+    pairs = np.column_stack(np.triu_indices(trials - 1, 1))
+    hypotheses = [(every[:, None], _SHIFT_DEG), (pairs, _SHIFT_DEG), (every[None, :], _WALK_DEG)]
+    still, moving, means = [], [], []
+    for sigma in _SCATTER_DEG:
+        covariance = (_TREND * sigma) ** 2 * (trend @ trend.T) + np.diag(sigma**2 + variance)
+        root = np.linalg.cholesky(covariance)
+        y = solve_triangular(root, values, lower=True)
+        steps = solve_triangular(root, between @ after, lower=True)
+        log = -0.5 * float(y @ y) - float(np.sum(np.log(np.diag(root))))
+        still.append(log)
+        for which, sizes in hypotheses:
+            gains, amounts = _weigh(y, steps, which, sizes)
+            moving.append(log + float(logsumexp(gains)) - np.log(gains.size))
+            means.append(after @ (softmax(gains) @ amounts))
+    nats = float(logsumexp(moving) - np.log(len(moving)) - logsumexp(still) + np.log(len(still)))
+    return nats, np.asarray(softmax(moving) @ np.array(means))
+
+
+def _weigh(y: Floats, steps: Floats, which: Integers, sizes: Floats) -> tuple[Floats, Floats]:
+    """Weigh steps that come together, (m, k), of every size: nats, and what is expected of each."""
+    products = (steps.T @ steps)[which[:, :, None], which[:, None, :]]
+    shadows = (steps.T @ y)[which]
+    gains, amounts = [], []
+    for size in sizes:
+        precision = products + np.eye(which.shape[1]) / size**2
+        expected = np.linalg.solve(precision, shadows[..., None])[..., 0]
+        half_log = 0.5 * np.linalg.slogdet(size**2 * precision)[1]
+        gains.append(0.5 * np.sum(shadows * expected, axis=1) - half_log)
+        amounts.append(np.zeros((len(which), steps.shape[1])))
+        np.put_along_axis(amounts[-1], which, expected, axis=1)
+    return np.concatenate(gains), np.vstack(amounts)
 
 
 def dwell_error(calibrations: Sequence[Calibration]) -> float | None:
@@ -210,28 +230,7 @@ def dwell_error(calibrations: Sequence[Calibration]) -> float | None:
     calibration to the next: what second differences over the angle hold is the fixture's error, of
     two dwells at each angle.
     """
-    squares = freedom = 0.0
-    for one, other in pairwise(_ways(calibrations)):
-        shared = sorted(one.keys() & other.keys())
-        if len(shared) < _FEWEST_ANGLES:
-            continue
-        angles = np.array(shared)
-        differences = np.array([one[angle] - other[angle] for angle in shared])
-        # Divided differences: the angles need not lie evenly.
-        before, after = np.diff(angles)[:-1], np.diff(angles)[1:]
-        share = before / (before + after)
-        bent = differences[1:-1] - (1.0 - share) * differences[:-2] - share * differences[2:]
-        squares += float(np.sum(bent**2 / (2.0 * (1.0 + (1.0 - share) ** 2 + share**2))))
-        freedom += bent.size
-    if not freedom:
-        return None
-    usual = max(_SURE - freedom, 0.0)
-    variance = (squares + usual * SETTINGS.dwell_error_deg**2) / (freedom + usual)
-    return max(float(np.sqrt(variance)), _NO_FIXTURE_DEG)
-
-
-def _ways(calibrations: Sequence[Calibration]) -> list[dict[float, float]]:
-    """List every way up or down: what the first curve misreads at each known angle, deg."""
+    # By way up or down: what the first curve misreads at each known angle, deg.
     ways = [
         {
             d.angle_deg: float(calibrations[0].angle_deg(d.mean)) - d.angle_deg
@@ -241,4 +240,20 @@ def _ways(calibrations: Sequence[Calibration]) -> list[dict[float, float]]:
         for calibration in calibrations
         for direction in ("up", "down")
     ]
-    return [way for way in ways if way]
+    squares = freedom = 0.0
+    for one, other in pairwise(filter(None, ways)):
+        shared = sorted(one.keys() & other.keys())
+        if len(shared) < _FEWEST_ANGLES:
+            continue
+        differences = np.array([one[angle] - other[angle] for angle in shared])
+        # Divided differences: the angles need not lie evenly.
+        before, after = np.diff(shared)[:-1], np.diff(shared)[1:]
+        share = before / (before + after)
+        bent = differences[1:-1] - (1.0 - share) * differences[:-2] - share * differences[2:]
+        squares += float(np.sum(bent**2 / (2.0 * (1.0 + (1.0 - share) ** 2 + share**2))))
+        freedom += bent.size
+    if not freedom:
+        return None
+    usual = max(_SURE - freedom, 0.0)
+    variance = (squares + usual * SETTINGS.dwell_error_deg**2) / (freedom + usual)
+    return max(float(np.sqrt(variance)), _NO_FIXTURE_DEG)

@@ -13,40 +13,46 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from spa_fo.gap.data.evidence import Evidence
+from spa_fo.gap.data.searched import wave
 from spa_fo.gap.noise.whitening import Factor, Rows, Whitening
 
 Floats = NDArray[np.float64]
 
-_PADDED = 8192
 SLOWEST_FAST_HZ = 3.2
 """Lines above do not show in the averaged samples."""
+_PADDED = 8192
 _ABOUT_HZ = 1.0  # to either side, of the background that a fast line stands out of
 _FEWEST = 4  # samples of a step that say something about what is fast
 _FEWEST_FAST = 32  # such samples in all
+_FAST_AMPLITUDES = np.geomspace(0.003, 30.0, 200)
 _FEWEST_CYCLES = 3.0  # within a trial: a slower wave may be any drift
 _LOWEST_CYCLES = 0.3
 _MOST_SLOW = 240  # frequencies that are tried
-_AMPLITUDES = np.geomspace(0.02, 30.0, 60)
+_SLOW_AMPLITUDES = np.geomspace(0.02, 30.0, 60)
 
 
 @dataclass(frozen=True)
 class Line:
-    """A spectral line.
-
-    Attributes
-    ----------
-    frequency_hz, amplitude_deg : float
-        As logged: above half the sampling rate it is an alias.
-    gain : float
-        Log evidence for it, the search over frequencies paid for; not below 0.
-    """
+    """A spectral line as logged: above half the sampling rate it is an alias."""
 
     frequency_hz: float
     amplitude_deg: float
-    gain: float
+    gain: float  # log evidence for it, the search over frequencies paid for; not below 0
 
 
 NONE = Line(0.0, 0.0, 0.0)
+
+
+def _best(hz: Floats, chi2: Floats, seen: Floats, amplitudes: Floats, price: float) -> Line:
+    """Find the most probable line, given what a wave of any phase explains of each trial.
+
+    That is `chi2`, (trials, frequencies), of two degrees of freedom; a wave of amplitude 1 would
+    add `seen` to it.
+    """
+    kappa = 0.5 * np.multiply.outer(amplitudes**2, seen)
+    gains = np.sum(0.5 * chi2 * kappa / (1.0 + kappa) - np.log1p(kappa), axis=1) - price
+    a, k = np.unravel_index(int(np.argmax(gains)), gains.shape)
+    return Line(float(hz[k]), float(amplitudes[a]), float(gains[a, k])) if gains[a, k] > 0 else NONE
 
 
 def fast_line(evidence: Evidence) -> Line:
@@ -56,54 +62,42 @@ def fast_line(evidence: Evidence) -> Line:
     too slow to show one have none.
     """
     rate, pieces = _fast(evidence)
-    frequency = np.fft.rfftfreq(_PADDED, 1.0 / rate)
-    power = np.zeros(frequency.size)
-    per_trial = []
-    for piece in pieces:
-        known = np.isfinite(piece)
-        count = int(np.count_nonzero(known))
-        if count == 0:
-            continue
-        spectrum = np.abs(np.fft.rfft(np.where(known, piece, 0.0), _PADDED)) ** 2
-        per_trial.append((count, spectrum))
-        power += spectrum / count
-    n = sum(count for count, _ in per_trial)
-    total = sum(float(np.nansum(piece**2)) for piece in pieces)
+    known = np.isfinite(pieces)
+    pieces, known = pieces[known.any(axis=1)], known[known.any(axis=1)]
+    counts = known.sum(axis=1, keepdims=True)
+    means = np.sum(pieces, axis=1, keepdims=True, where=known) / counts
+    pieces = np.where(known, pieces - means, 0.0)
+    n, total = int(counts.sum()), float(np.sum(pieces**2))
     if n < _FEWEST_FAST or total <= 0.0:
         return NONE
-    power /= len(per_trial)
+    frequency = np.asarray(np.fft.rfftfreq(_PADDED, 1.0 / rate), dtype=np.float64)
+    power = np.abs(np.fft.rfft(pieces)) ** 2 / counts
+    mean = power.mean(axis=0)
     about = 2 * round(_ABOUT_HZ / (frequency[1] - frequency[0])) + 1
-    background = np.maximum(median_filter(power, size=about, mode="reflect"), 1e-6 * total / n)
-    standing = np.where(frequency < SLOWEST_FAST_HZ, 0.0, power / background)
-    best = int(np.argmax(standing))
+    background = np.maximum(median_filter(mean, size=about, mode="reflect"), 1e-6 * total / n)
+    at = int(np.argmax(np.where(frequency < SLOWEST_FAST_HZ, 0.0, mean / background)))
     # The median of an exponential is ln 2 of its mean.
-    noise = float(background[best]) / np.log(2.0)
-    q = np.array([spectrum[best] / (count * noise) for count, spectrum in per_trial])
-    counts = np.array([count for count, _ in per_trial])
-    amplitudes = np.geomspace(0.003, 30.0, 200)
-    kappa = np.outer(amplitudes**2, counts) / (4.0 * noise)
-    gains = np.sum(q * kappa / (1.0 + kappa) - np.log1p(kappa), axis=1)
-    at = int(np.argmax(gains))
-    gain = float(gains[at]) - np.log(_PADDED / 2.0) - np.log(amplitudes.size)
-    return Line(float(frequency[best]), float(amplitudes[at]), max(gain, 0.0))
+    noise = float(background[at]) / np.log(2.0)
+    price = float(np.log(_PADDED / 2.0) + np.log(_FAST_AMPLITUDES.size))
+    chi2, seen = 2.0 * power[:, [at]] / noise, counts / (2.0 * noise)
+    return _best(frequency[[at]], chi2, seen, _FAST_AMPLITUDES, price)
 
 
-def _fast(evidence: Evidence) -> tuple[float, list[Floats]]:
-    """Take what the angle does within the averaging steps: on a uniform grid, NaN in its gaps."""
+def _fast(evidence: Evidence) -> tuple[float, Floats]:
+    """Take what the angle does within the averaging steps: (trials, samples), NaN in the gaps."""
     grid = evidence.grid
     interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in grid.trials])))
-    pieces = []
-    for trial, rows, used in zip(grid.trials, evidence.rows, evidence.takes_part, strict=True):
-        if not used:
-            continue
+    used = np.flatnonzero(evidence.takes_part)
+    pieces = np.full((used.size, _PADDED), np.nan)
+    for piece, i in zip(pieces, used, strict=True):
+        trial, rows = grid.trials[i], evidence.rows[i]
         good = ~trial.after_reset
         t = trial.t_s[good]
         smooth = np.interp(t, grid.time_s[rows], grid.angle_deg[rows])
+        at = np.rint(t / interval).astype(np.int64)
         dense = np.interp(t, grid.time_s[rows], grid.counts[rows]) >= _FEWEST
-        piece = np.full(round(t[-1] / interval) + 1, np.nan)
-        piece[np.rint(t[dense] / interval).astype(int)] = (trial.angle_deg[good] - smooth)[dense]
-        piece = piece[:_PADDED]
-        pieces.append(piece - np.nanmean(piece) if np.isfinite(piece).any() else piece)
+        dense &= at < _PADDED
+        piece[at[dense]] = (trial.angle_deg[good] - smooth)[dense]
     return 1.0 / interval, pieces
 
 
@@ -114,18 +108,14 @@ def slow_line(
 
     Parameters
     ----------
-    rows : Rows
-        The rows.
-    whitening, factor : Whitening, Factor
-        Their covariance.
-    left : (rows,) array
-        Whitened residual.
-    taken : (q, rows) array
-        Orthonormal rows: directions that nuisances and parameters may have taken.
+    rows, whitening, factor : Rows, Whitening, Factor
+        The rows and their covariance.
+    left, taken : (rows,), (q, rows) arrays
+        Whitened residual; orthonormal directions that nuisances and parameters may have taken.
     """
     lengths = [np.ptp(g.time_s[g.trial == t]) for g in rows.groups for t in np.unique(g.trial)]
-    length = float(np.median(lengths))
-    slowest = _FEWEST_CYCLES / max(length, 1e-9)
+    length = max(float(np.median(lengths)), 1e-9)
+    slowest = _FEWEST_CYCLES / length
     if slowest >= SLOWEST_FAST_HZ:
         return NONE
     # Slower ones are tried as well: their feet would look like a line else.
@@ -133,30 +123,15 @@ def slow_line(
     count = int(np.clip(np.ceil(3.0 * (SLOWEST_FAST_HZ - lowest) * length), 2, _MOST_SLOW))
     tried = np.linspace(lowest, SLOWEST_FAST_HZ, count)
     residual = left - taken.T @ (taken @ left)
-    pairs = []  # by frequency and trial: what a wave explains, and how much of it could be seen
-    for g, whitener in zip(rows.groups, factor.whiteners, strict=True):
-        waves = np.zeros((g.time_s.size, 0))
-        trials = np.unique(g.trial)
-        phase = 2.0 * np.pi * np.outer(g.time_s, tried)
-        blur = np.sinc(np.outer(g.width_s, tried))
-        both = np.stack([np.cos(phase) * blur, np.sin(phase) * blur], axis=-1)
-        for t in trials:
-            mine = (g.trial == t)[:, None]
-            waves = both.reshape(g.time_s.size, -1) * mine
-            white = whitener @ waves
-            shadow = taken[:, g.rows] @ white
-            score = (white.T @ residual[g.rows]).reshape(-1, 2)
-            seen = np.einsum("ij,ij->j", white, white) - np.einsum("ij,ij->j", shadow, shadow)
-            seen = np.maximum(seen.reshape(-1, 2).mean(axis=1), 1e-9)
-            pairs.append((np.sum(score**2, axis=1) / seen, seen))
-    q = np.array([pair[0] for pair in pairs])  # (trials, frequencies): chi² of two
-    seen = np.array([pair[1] for pair in pairs])
-    best = NONE
-    for amplitude in _AMPLITUDES:
-        kappa = 0.5 * amplitude**2 * seen
-        gains = np.sum(0.5 * q * kappa / (1.0 + kappa) - np.log1p(kappa), axis=0)
-        at = int(np.argmax(gains))
-        gain = float(gains[at]) - float(np.log(tried.size * 4.0))
-        if gain > best.gain:
-            best = Line(float(tried[at]), float(amplitude), gain)
+    chi2, seen = [], []
+    for g, own in zip(rows.groups, factor.whiteners, strict=True):
+        waves = wave(tried, g.time_s, g.width_s).reshape(g.time_s.size, -1)
+        for trial in np.unique(g.trial):
+            white = own @ (waves * (g.trial == trial)[:, None])
+            score = white.T @ residual[g.rows]
+            left_of_it = np.sum(white**2, axis=0) - np.sum((taken[:, g.rows] @ white) ** 2, axis=0)
+            seen.append(np.maximum(left_of_it.reshape(-1, 2).mean(axis=1), 1e-9))
+            chi2.append(np.sum(score.reshape(-1, 2) ** 2, axis=1) / seen[-1])
+    price = float(np.log(count * 4.0))
+    best = _best(tried, np.array(chi2), np.array(seen), _SLOW_AMPLITUDES, price)
     return best if best.frequency_hz >= slowest else NONE

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.data.floor import noise_floor
+from spa_fo.gap.data.evidence import noise_floor
 from spa_fo.gap.data.hold_out import fraction_closed, judged, rmse
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import Explanation, simulate

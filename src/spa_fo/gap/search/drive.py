@@ -9,8 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.data.evidence import Evidence, angle_chain
-from spa_fo.gap.data.floor import repeats
+from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
 from spa_fo.gap.fit.bench import SHARES, local_size, rows_of
 from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, starts, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
