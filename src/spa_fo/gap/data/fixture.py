@@ -25,6 +25,7 @@ _STEP_LEVEL = 1  # of the fixture's simulation: 0.04 s
 _REST_LEVEL = 7  # of the time the sensor lies flat: 2.6 s
 _STEP_S = float(STEPS_S[_STEP_LEVEL])
 _FLOOR_DEG = 0.06
+_UNKNOWN_DEG = 10.0  # of what a sensor may be on its way from
 _SHORTEST_REST_S = 100.0
 _LONGEST_REST_S = 10.0 * float(CREEP_TIMES_S[-1])  # by then every creep is forgotten
 
@@ -130,7 +131,7 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         corners = np.append(0, np.column_stack([ends - stay, ends]))
         held = np.interp(np.arange(ends[-1]) + 1, corners, [0.0, *np.repeat(known, 2)])
         for dwell, at in zip(calibration.dwells, start + ends - stay, strict=True):
-            windows = _windows(dwell, calibrations[0], int(at))
+            windows = _windows(dwell, calibrations[0], int(at), dwell is calibration.dwells[0])
             rows += [(log, dwells, dwell.angle_deg, *window) for window in windows]
             dwells += 1
         # Until the trials begin the sensor lies flat; after them its past hardly matters.
@@ -159,10 +160,11 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
     )
 
 
-def _windows(dwell: Dwell, curve: Calibration, at: int) -> Iterator[tuple[float, ...]]:
+def _windows(dwell: Dwell, curve: Calibration, at: int, first: bool) -> Iterator[tuple[float, ...]]:
     """Yield of each window of a dwell that begins with step `at` what a row of it is.
 
-    That is deviation (deg), its error, first and last step, and whether the sensor has settled.
+    That is deviation (deg), its error, first and last step, and whether the sensor has settled. Of
+    the first dwell nobody knows how the sensor came there: how it settles says nothing.
     """
     slope = float(curve.angle_deg(dwell.mean + 0.5) - curve.angle_deg(dwell.mean - 0.5))
     edges = np.linspace(0.0, float(dwell.t_s[-1]) + 1e-9, _WINDOWS + 1)
@@ -172,5 +174,5 @@ def _windows(dwell: Dwell, curve: Calibration, at: int) -> Iterator[tuple[float,
         deviation = float(curve.angle_deg(sums[w] / counts[w])) - dwell.angle_deg
         noise = max(dwell.noise, 0.3) * slope / np.sqrt(counts[w])
         begin, end = (at + round(edge / _STEP_S) for edge in edges[w : w + 2])
-        sigma = float(np.hypot(noise, _FLOOR_DEG))
+        sigma = float(np.hypot(noise, _UNKNOWN_DEG if first else _FLOOR_DEG))
         yield deviation, sigma, begin, max(begin + 1, end), w >= _WINDOWS // 2
