@@ -192,9 +192,9 @@ def _normalised(
         unknown.append(float(logsumexp(stands_in)))
         if not np.isfinite(right):
             continue  # the library lacks it
-        if part.named not in best or part.right > best[part.named].right:
-            best[part.named] = part
-        scores[part.named] = float(np.logaddexp(scores.get(part.named, -np.inf), right))
+        # Of what makes up for its form the best is enough, too.
+        if part.named not in best or right > scores[part.named]:
+            best[part.named], scores[part.named] = part, right
     # What stands in for an unknown effect is no hypothesis of its own: the best is enough.
     all_logs = np.array([*scores.values(), max(unknown)])
     weights = np.exp(all_logs - all_logs.max())
