@@ -90,7 +90,9 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
     errors = {named: rmse(everything, curve, where) for named, curve in predicted.items()}
     errors[()] = rmse(everything, plain, where)
     floor_deg = examined.floor_deg
-    closed = {named: _closed(errors[()], errors[named], floor_deg) for named in predicted}
+    # A model of the campaign itself has seen the held-out trials; identified again it has not.
+    before = rmse(everything, refit, where) if found.bench.own else errors[()]
+    closed = {named: _closed(before, errors[named], floor_deg) for named in predicted}
     made = None
     if first:
         left_deg = verdict.of(first).left_deg

@@ -143,8 +143,7 @@ def bench_for(
         centre = coefficients.mean
     else:
         angle = float(np.sqrt(np.mean(evidence.grid.angle_deg**2)))
-        missed = 0.0 if beyond is None else beyond.angle_deg
-        centre, coefficients = identified(given, noise, horizon, angle, missed)
+        centre, coefficients = identified(given, noise, horizon, angle)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg
     scales = [scatter.gain, scatter.rest_deg, scatter.time_scale, dwell, _SLIP_DEG, 0.5]

@@ -138,16 +138,12 @@ def usual(given: Floats, horizon_s: float) -> Coefficients:
 
 
 def identified(
-    given: Floats,
-    noise: BenchNoise,
-    horizon_s: float,
-    angle_deg: float = np.inf,
-    missed_deg: float = 0.0,
+    given: Floats, noise: BenchNoise, horizon_s: float, angle_deg: float = np.inf
 ) -> tuple[Floats, Coefficients]:
     """Say what a model that was identified elsewhere tells.
 
     Its gain and time scale are the mean of a few trials, and its angles, about `angle_deg` in size,
-    were read by a sensor calibrated as well as this one. It is known that it misses `missed_deg`.
+    were read by a sensor calibrated as well as this one.
 
     Returns
     -------
@@ -158,7 +154,7 @@ def identified(
     """
     gain = float(given[4] / given[3])
     read = (noise.fixture_deg or 0.0) / angle_deg
-    error = float(np.linalg.norm([SETTINGS.response_error, read, missed_deg / angle_deg]))
+    error = float(np.hypot(SETTINGS.response_error, read))
     values = step_response(_TIMES_S, *given) / gain
     known = KnownResponse(values, gain, error * np.eye(values.size))
     before = replace(usual(given, horizon_s), response=known)
