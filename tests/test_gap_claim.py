@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import campaigns
+from spa_fo.gap.claim import claimed
 from spa_fo.gap.claim.claimed import own_scatter
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.decide.explanation import Explanation, simulate
@@ -118,3 +119,11 @@ def test_a_fast_interference_is_no_noise(
     waved = own_scatter(bench, replace(known, line=(50.0, 1.4)), alike, last, curves, 0.0)
     assert plain > 1.0
     assert waved < 1.2 * NOISE_DEG
+
+
+def test_what_closes_is_held_against_the_gap_beyond_noise() -> None:
+    # Trials that hardly show a gap say little of a share of their whole error.
+    assert claimed._closed(0.789, 0.768, 0.766) > 0.4
+    assert claimed._closed(4.0, 1.0, 0.5) == pytest.approx(0.95, abs=0.01)
+    assert claimed._closed(0.8, 0.9, 0.75) < 0.0
+    assert claimed._closed(0.7, 0.7, 0.9) == 0.0

@@ -193,3 +193,18 @@ def test_one_trial_of_each_repeated_experiment_is_held_out_and_never_the_first()
 def test_without_repeats_one_experiment_is_held_out():
     held = hold_out(trials(list(enumerate("abcd"))), np.random.default_rng(0))
     assert held.trials.sum() == 1
+
+
+def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
+    pair, one = ("creep", "leak"), ("creep",)
+    assert weigh._helped(pair, one, 0.3) == (one, 0.3)
+    assert weigh._helped(pair, pair, 0.0) == (pair, 0.0)
+    assert weigh._helped(pair, one, np.inf) == (pair, 0.0)  # nobody knows what it does for them
+
+
+def test_many_ways_to_make_up_for_a_form_are_no_more_than_the_best():
+    found = part(("creep",), [0.0, -30.0, -90.0, -200.0, -300.0, -400.0])
+    rival = part(("leak",), [1.0, -30.0, -90.0, -200.0, -300.0, -400.0])
+    once, _, _ = answer(PLAIN, rival, found)
+    often, _, _ = answer(PLAIN, rival, *[found] * 9)
+    assert often[("creep",)] == pytest.approx(once[("creep",)])

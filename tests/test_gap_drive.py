@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
@@ -126,3 +127,22 @@ def test_no_explanation_of_the_pressure_holds_two_effects_that_are_rare():
     found = examine_drive(driven([0.3] * 3), (), X)
     assert any(any(map(rare, ids)) for ids in found.fits)
     assert all(sum(map(rare, ids)) < 2 for ids in found.fits)
+
+
+def test_the_sensor_of_a_spa_rig_log_has_no_lag_so_the_drive_has():
+    # 60 ms between command and pressure: a csv's sensor may have them, a board's may not.
+    lag_s = 0.06
+    evidence = driven([0.0] * 3, (SIXTY, 0.5 * SIXTY))
+    keep = np.exp(-np.diff(evidence.grid.trials[0].t_s, prepend=0.0)[1] / lag_s)
+    slow = []
+    for trial in evidence.grid.trials:
+        shown = lfilter([1.0 - keep], [1.0, -keep], trial.pressure_kpa)
+        slow.append(replace(trial, pressure_kpa=shown))
+    data = campaign_data(slow)
+    found = {}
+    for kind in ("csv", "spa-rig"):
+        log = replace(data.campaign.log, format=kind)
+        own = replace(data, campaign=replace(data.campaign, log=log))
+        found[kind] = examine_drive(collect(own), RARE, X).fits[()].z[-1]
+    assert found["csv"] == pytest.approx(lag_s, abs=0.02)
+    assert found["spa-rig"] <= 1.0 / (2.0 * np.pi * 100.0)
