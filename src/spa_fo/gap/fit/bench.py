@@ -31,7 +31,7 @@ _MOST_ROWS = 1000  # a factor of their covariance costs the third power of an ex
 _ABOUT = 7  # rows that say how large a gap is at one of them
 _LOCAL = 0.5  # of a gap's size at a row, the rest is the campaign's mean
 _SLIP_DEG = 0.4
-_MOST_LEVEL = 2.0  # against what a reference says: what is beyond has changed
+_MOST_LEVEL = 2.0  # against what a reference says, or repeats: what is beyond is no noise
 
 
 @dataclass(frozen=True)
@@ -195,9 +195,9 @@ def local_size(rows: Rows, squares: Floats) -> Floats:
 
 def level_prior(bench: Bench, level: float) -> float:
     """Log prior of a level of the coloured noise."""
-    if bench.noise.compared and level > _MOST_LEVEL:
-        return -np.inf
     repeats = bench.noise.spectrum.repeats
+    if (bench.noise.compared or repeats > 1) and level > _MOST_LEVEL:
+        return -np.inf
     spread = SETTINGS.level_alone
     if repeats:
         spread = SETTINGS.level_repeated / float(np.sqrt(repeats)) + 0.15

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import (
@@ -34,6 +35,9 @@ Integers = NDArray[np.int64]
 
 _SLOPE_STEP = 1e-4
 _SCALE_STEP = 2e-3
+_OF_TRIALS = [GAIN, REST, TIME_SCALE]
+_SURELY = 1e-3  # probability that a scatter is larger than its bound
+_MOST_ALONE = 6.0  # times an ordinary scatter, where nothing is repeated
 _MOST_DWELL = 6.0  # times the error of a fixture made with care, or of this one
 
 
@@ -93,7 +97,11 @@ class AngleProblem(Explained):
             nuisance_scales(bench, at_port("zeros", ids) is not None),
             0.0 if known.response is None else known.response.log_noise,
         )
-        # Errors of known angles that agree with each other do not hide what all trials show.
+        # Nuisances do not hide what all trials show: repeats have said how large they are, and
+        # so have the ways through a calibration.
+        ordinary = [SETTINGS.gain_scatter, SETTINGS.rest_scatter_deg, SETTINGS.time_scatter]
+        usual = np.maximum(bench.scales[_OF_TRIALS], ordinary)
+        self.most[_OF_TRIALS] = _most(bench.noise.spectrum.repeats) * usual
         self.most[DWELL] = _MOST_DWELL * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self.film_slots = LIBRARY.slots(lambda e: e.in_fixture)
         self.angle_slots = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
@@ -313,6 +321,13 @@ class AngleProblem(Explained):
         sigma[: known.size] = known
         rest = (values[n:].T / sigma).T
         return np.concatenate([self.bench.whitening.white(factor, values[:n]), rest])
+
+
+def _most(repeats: int) -> float:
+    """Bound a scatter, in units of its estimate from so many differences of repeats."""
+    if repeats < 1:
+        return _MOST_ALONE
+    return min(float(np.sqrt(repeats / chi2.ppf(_SURELY, repeats))), _MOST_ALONE)
 
 
 def nuisance_scales(bench: Bench, slips: bool) -> Floats:
