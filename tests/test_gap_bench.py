@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from spa_fo.fractional import step_response
 from spa_fo.gap.data.searched import searched_spread, to_x, to_z
+from spa_fo.gap.fit.bench import level_prior
 from spa_fo.gap.fit.coefficients import Coefficients, KnownResponse, identified, usual
+from spa_fo.gap.fit.problem import most
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.noise.coloured import CORRELATION_S, Scatter, Spectrum
 from spa_fo.gap.settings import SETTINGS
@@ -111,3 +115,27 @@ def test_a_model_of_the_campaign_itself_tells_what_is_usual() -> None:
 def test_a_usual_actuator_is_its_own_centre() -> None:
     centre, _ = identified(USUAL, NOISE, 6.0)
     np.testing.assert_allclose(centre, to_z(USUAL), atol=0.02)
+
+
+def level(repeats: int, compared: bool, value: float) -> float:
+    spectrum = Spectrum(0.01, np.full(CORRELATION_S.size, 0.01), repeats)
+    noise = BenchNoise(spectrum, Scatter(0.01, 0.2, 0.01), None, compared)
+    return level_prior(SimpleNamespace(noise=noise), value)  # type: ignore[arg-type]
+
+
+def test_noise_is_no_more_than_twice_what_repeats_or_a_reference_say() -> None:
+    assert np.isinf(level(8, False, 2.9))
+    assert np.isinf(level(0, True, 2.9))
+    assert np.isfinite(level(8, False, 2.0))
+    assert np.isfinite(level(0, False, 2.9))
+    assert level(8, False, 1.0) == 0.0 > level(8, False, 1.4) > level(8, False, 2.0)
+
+
+@pytest.mark.parametrize("repeats", [3, 8, 40])
+def test_a_scatter_is_hardly_ever_beyond_its_bound(repeats: int) -> None:
+    rng = np.random.default_rng(repeats)
+    estimates = np.sqrt(rng.chisquare(repeats, 200_000) / repeats)
+    beyond = np.mean(most(repeats) * estimates < 1.0)
+    if most(repeats) < most(0):
+        assert beyond == pytest.approx(1e-3, rel=0.4)
+    assert most(repeats) <= most(0)

@@ -41,6 +41,9 @@ class Settings:
     rest_scatter_deg: float = _number(0.2, "deg", "assumed", "prior: an ordinary bench")
     time_scatter: float = _number(0.01, "1", "assumed", "prior: an ordinary bench")
     dwell_error_deg: float = _number(0.15, "deg", "assumed", "a fixture made with care")
+    most_scatter: float = _number(
+        6.0, "times", "assumed", "an ordinary scatter, or the fixture's error, is at most larger by"
+    )
     level_alone: float = _number(
         1.0, "nat", "assumed", "spread of ln(noise level) where nothing is repeated"
     )
@@ -83,7 +86,6 @@ class Settings:
     )
     none: float = _number(0.3, "probability", "assumed", "prior of no gap")
     single: float = _number(0.5, "probability", "assumed", "prior of one effect")
-    pair: float = _number(0.2, "probability", "assumed", "prior of two effects")
     unknown: float = _number(
         0.3, "odds", "learned", "prior: a set compensates for another cause, against it is right"
     )
@@ -122,6 +124,11 @@ class Settings:
     worth: float = _number(
         0.3, "of the gap", "assumed", "a part beside an unknown cause that closes less is not named"
     )
+
+    @property
+    def pair(self) -> float:
+        """Prior of two effects: what none and one leave."""
+        return 1.0 - self.none - self.single
 
     def listed(self) -> Iterator[tuple[str, float, str, str, str]]:
         """Yield name, value, unit, origin and reason of each."""

@@ -37,8 +37,6 @@ _SLOPE_STEP = 1e-4
 _SCALE_STEP = 2e-3
 _OF_TRIALS = [GAIN, REST, TIME_SCALE]
 _SURELY = 1e-3  # probability that a scatter is larger than its bound
-_MOST_ALONE = 6.0  # times an ordinary scatter, where nothing is repeated
-_MOST_DWELL = 6.0  # times the error of a fixture made with care, or of this one
 
 
 @dataclass(frozen=True)
@@ -101,8 +99,8 @@ class AngleProblem(Explained):
         # so have the ways through a calibration.
         ordinary = [SETTINGS.gain_scatter, SETTINGS.rest_scatter_deg, SETTINGS.time_scatter]
         usual = np.maximum(bench.scales[_OF_TRIALS], ordinary)
-        self.most[_OF_TRIALS] = _most(bench.noise.spectrum.repeats) * usual
-        self.most[DWELL] = _MOST_DWELL * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
+        self.most[_OF_TRIALS] = most(bench.noise.spectrum.repeats) * usual
+        self.most[DWELL] = SETTINGS.most_scatter * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self.film_slots = LIBRARY.slots(lambda e: e.in_fixture)
         self.angle_slots = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
         self._base: _Base | None = None
@@ -323,11 +321,11 @@ class AngleProblem(Explained):
         return np.concatenate([self.bench.whitening.white(factor, values[:n]), rest])
 
 
-def _most(repeats: int) -> float:
+def most(repeats: int) -> float:
     """Bound a scatter, in units of its estimate from so many differences of repeats."""
     if repeats < 1:
-        return _MOST_ALONE
-    return min(float(np.sqrt(repeats / chi2.ppf(_SURELY, repeats))), _MOST_ALONE)
+        return SETTINGS.most_scatter
+    return min(float(np.sqrt(repeats / chi2.ppf(_SURELY, repeats))), SETTINGS.most_scatter)
 
 
 def nuisance_scales(bench: Bench, slips: bool) -> Floats:
