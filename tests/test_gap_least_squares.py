@@ -37,13 +37,10 @@ class Line(Explained):
         self.group = np.array([-1, 0])
         self.variance = np.array([0.2, np.nan])
         truth = np.array([0.1, 0.4, size])
-        self.y = self.j @ truth + NOISE * rng.standard_normal(30)
+        self.measured = self.j @ truth + NOISE * rng.standard_normal(30)
 
-    def left(self, z: Floats) -> Floats:
-        return self.y - self.j @ z
-
-    def slopes(self, z: Floats) -> Floats:
-        return self.j
+    def at_rows(self, z: Floats) -> Floats:
+        return self.j @ z
 
     def columns(self, z: Floats) -> Floats:
         return self.own
@@ -81,7 +78,7 @@ def of_a_known_size(problem: Line, size: float) -> float:
         + problem.own @ np.diag(OWN) @ problem.own.T
     )
     mean = problem.j[:, :2] @ CENTRE + size * problem.j[:, 2]
-    return float(multivariate_normal(mean, covariance).logpdf(problem.y))
+    return float(multivariate_normal(mean, covariance).logpdf(problem.measured))
 
 
 def with_half_a_prior(problem: Line) -> float:
@@ -107,7 +104,7 @@ def test_of_a_straight_model_it_is_the_exact_one(low: float) -> None:
     whole[:2, :2], whole[2, 2] = SPREAD, SIZE_DEVIATION**2
     covariance = NOISE**2 * np.eye(ROWS) + problem.j @ whole @ problem.j.T
     covariance += problem.own @ np.diag(OWN) @ problem.own.T
-    exact = multivariate_normal(problem.j[:, :2] @ CENTRE, covariance).logpdf(problem.y)
+    exact = multivariate_normal(problem.j[:, :2] @ CENTRE, covariance).logpdf(problem.measured)
     for z in (np.zeros(3), np.array([0.1, 0.4, 1.0])):
         assert weighed(problem, z) == pytest.approx(exact, abs=1e-9)
 
@@ -137,7 +134,7 @@ def test_a_size_that_its_bound_holds_is_integrated_too(size: float) -> None:
 def test_a_size_that_its_bound_holds_is_integrated_beside_a_nuisance_like_it() -> None:
     problem = Line(-0.1, low=0.0)
     problem.own[:, 1] = 0.8 * problem.j[:, 2] + 0.6 * problem.own[:, 1]
-    problem.y = problem.y + 0.8 * problem.own[:, 1]
+    problem.measured = problem.measured + 0.8 * problem.own[:, 1]
     z = searched(problem)
     assert z[2] == 0.0
     assert weighed(problem, z) == pytest.approx(with_half_a_prior(problem), abs=0.05)
@@ -152,11 +149,11 @@ def test_a_search_ends_where_the_gradient_of_the_marginal_vanishes() -> None:
     np.testing.assert_allclose(pull, problem.precision @ (z - problem.centre), atol=1e-4)
 
 
-def test_errors_are_those_of_the_posterior() -> None:
+def test_the_covariance_is_that_of_the_posterior() -> None:
     problem = Line(1.0, low=-50.0)
     linear = problem.linear(np.zeros(3))
     spread = problem.spread(np.array([0.36]))
     covariance = NOISE**2 * np.eye(30) + problem.own @ np.diag(spread) @ problem.own.T
     normal = problem.j.T @ np.linalg.solve(covariance, problem.j) + problem.precision
-    found = problem.errors(linear, FACTOR, np.array([0.36]))
-    np.testing.assert_allclose(found, np.sqrt(np.diag(np.linalg.inv(normal))))
+    found = problem.posterior(linear, FACTOR, np.array([0.36]))
+    np.testing.assert_allclose(found, np.linalg.inv(normal))

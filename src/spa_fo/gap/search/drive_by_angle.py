@@ -15,7 +15,7 @@ from spa_fo.gap.data.evidence import angle_chain
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.prior import log_prior
-from spa_fo.gap.search.drive import Drive, DriveFit, true_pressure
+from spa_fo.gap.search.drive import Drive, DriveFit, drive_of, true_pressure
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import HOPE, Fitted, begun, price, settled, weighed
 from spa_fo.gap.settings import SETTINGS
@@ -44,36 +44,34 @@ def joined(drive: Drive, found: Explanations) -> Drive:
         the least likely.
     """
     ranked = sorted(drive.fits.values(), key=lambda f: -_worth(f))
-    near = [f for f in ranked[:_MOST] if _worth(f) > _worth(ranked[0]) - _NEAR]
-    nothing = drive.fits[()]
-    if nothing not in near and _worth(nothing) > _worth(ranked[0]) - _NEAR:
-        near.append(nothing)
+    near = [f for f in ranked if _worth(f) > _worth(ranked[0]) - _NEAR]
+    near = [f for place, f in enumerate(near) if place < _MOST or not f.ids]
+    alike = {drive.best.ids, *(one.ids for one in near if _alike(drive, one))}
+    others = {one.ids: _driven(drive, found, one) for one in near if one.ids not in alike}
+    if not others:
+        return drive
     allowed = [f for f in found.fits.values() if f.ids and not set(f.ids) & set(found.excluded)]
     allowed = [f for f in allowed if np.isfinite(f.logs).all()]
     carried = [found.plain, *sorted(allowed, key=lambda f: -_value(f))[:_CARRIED]]
-    alike = {drive.best.ids, *(one.ids for one in near if _alike(drive, one))}
-    others = [one for one in near if one.ids not in alike]
-    if not others:
-        return drive
-    benches = [_driven(drive, found, one) for one in others]
-    pairs = [(k, angle) for k in range(len(others)) for angle in carried]
-    rough = each(lambda p: begun(benches[p[0]], p[1].ids, [p[1].z], found.plain), pairs)
-    tried = [(k, fitted) for (k, _), fitted in zip(pairs, rough, strict=True)]
-    tops = [max(_promise(f) for at, f in tried if at == k) for k in range(len(others))]
-    worth = [(k, f) for k, f in tried if _promise(f) > tops[k] - _NEAR]
-    values = each(
-        lambda p: _value(weighed(benches[p[0]], settled(benches[p[0]], p[1], found.plain))), worth
-    )
-    total = {one.ids: -np.inf for one in near}
-    total |= dict.fromkeys(alike, max(_value(angle) for angle in carried))
-    for (k, _), value in zip(worth, values, strict=True):
-        total[others[k].ids] = max(total[others[k].ids], value)
-    top, least = max(total.values()), min(total.values())
+    pairs = [(ids, angle) for ids in others for angle in carried]
+    rough = each(lambda p: begun(others[p[0]], p[1].ids, [p[1].z], found.plain), pairs)
+    tried = [(ids, fitted) for (ids, _), fitted in zip(pairs, rough, strict=True)]
+    tops = {own: max(_promise(f) for ids, f in tried if ids == own) for own in others}
+    tried = [(ids, f) for ids, f in tried if _promise(f) > tops[ids] - _NEAR]
+
+    def ended(bench: Bench, fitted: Fitted) -> float:
+        return _value(weighed(bench, settled(bench, fitted, found.plain)))
+
+    values = each(lambda p: ended(others[p[0]], p[1]), tried)
+    said = dict.fromkeys(alike, max(_value(angle) for angle in carried))
+    for (ids, _), value in zip(tried, values, strict=True):
+        said[ids] = max(said.get(ids, -np.inf), value)
+    top, least = max(said.values()), min(said.values())
     fits = {
-        ids: replace(f, evidence=f.evidence + total.get(ids, least) - top)
+        ids: replace(f, evidence=f.evidence + said.get(ids, least) - top)
         for ids, f in drive.fits.items()
     }
-    return drive.of(found.bench.evidence, fits)
+    return drive_of(found.bench.evidence, fits, drive.room_kpa, drive.given)
 
 
 def _alike(drive: Drive, one: DriveFit) -> bool:
