@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,8 +92,8 @@ def _part(
     left_deg: float,
     floor_deg: float,
     repeats: bool = True,
-) -> list[_Part]:
-    """Weigh one fit by what it is named for; none where another is worth as much without it.
+) -> _Part | None:
+    """Weigh one fit by what it is named for; None where another is worth as much without it.
 
     `apart` says by how much the fit of some of its effects alone differs, deg: infinite where there
     is none. An effect is named where it moves the angle, and where the others do not do as well
@@ -103,15 +104,16 @@ def _part(
         least = max(s.needed * floor_deg, s.needed_of_all * all_deg)
         named = tuple(n for n in named if apart(tuple(m for m in ids if m != n)) >= least)
     if ids and not named:
-        return []
+        return None
     # What moves too little to be named makes up for the form of what is: it has no price
     # beforehand, and is missed by that form.
-    helped = 0.0 if named == ids else apart(named)
-    priced = named if np.isfinite(helped) else ids
-    missed = _missed(gap_deg, max(left_deg, helped if np.isfinite(helped) else 0.0))
+    priced, helped = named, 0.0 if named == ids else apart(named)
+    if not np.isfinite(helped):
+        priced, helped = ids, 0.0
+    missed = _missed(gap_deg, max(left_deg, helped))
     right, unknown = _weighed(priced, logs, missed, floor_deg, repeats)
     left = float(missed[int(np.argmax(logs))])
-    return [_Part(named, right, unknown, fit, {n: moved[n] for n in named}, left, missed)]
+    return _Part(named, right, unknown, fit, {n: moved[n] for n in named}, left, missed)
 
 
 def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
@@ -123,7 +125,7 @@ def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
 def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
     s, bench = SETTINGS, found.bench
     repeats, weight = bench.noise.spectrum.repeats > 0, bench.evidence.grid.counts
-    parts = []
+    parts: list[_Part | None] = []
 
     def apart(one: Fitted, other: Ids) -> float:
         if other not in found.fits or at_port("line", one.ids) != at_port("line", other):
@@ -140,15 +142,15 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
             continue
         logs, own = f.logs - price(f), partial(apart, f)
         sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg
-        for part in _part(f, logs, f.moved_deg, own, *sizes, repeats):
-            if f.trend_deg > s.no_gap * floor_deg:
-                # What goes with the trials' order is structure that is left, too.
-                beside = s.temper * (float(logs.max()) + f.trend_nats) + _stands_in()
-                unknown = np.append(part.unknown, beside + np.log(s.unknown * s.trend))
-                left = float(np.hypot(part.left_deg, f.trend_deg))
-                part = replace(part, unknown=unknown, left_deg=left)
-            parts.append(part)
-    return parts
+        part = _part(f, logs, f.moved_deg, own, *sizes, repeats)
+        if part is not None and f.trend_deg > s.no_gap * floor_deg:
+            # What goes with the trials' order is structure that is left, too.
+            beside = s.temper * (float(logs.max()) + f.trend_nats) + _stands_in()
+            unknown = np.append(part.unknown, beside + np.log(s.unknown * s.trend))
+            left = float(np.hypot(part.left_deg, f.trend_deg))
+            part = replace(part, unknown=unknown, left_deg=left)
+        parts.append(part)
+    return [part for part in parts if part is not None]
 
 
 def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]:
@@ -170,8 +172,8 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]
     for f in drive.fits.values():
         by_name = {name: moved(f, without(f, name)) for name in f.ids}
         sizes = gap_deg, gap_deg, per_kpa_deg * f.left_kpa, floor_deg
-        parts += _part(f, f.evidence, by_name, partial(apart, f), *sizes)
-    return parts
+        parts.append(_part(f, f.evidence, by_name, partial(apart, f), *sizes))
+    return [part for part in parts if part is not None]
 
 
 def _normalised(
@@ -241,14 +243,11 @@ def decide(
     total = sum(angle.values()) * sum(pressed.values())
     joint: dict[Ids, float] = {}
     made: dict[Ids, Scored] = {}  # of the most probable way to each
-    for a, x in angle.items():
-        for d, y in pressed.items():
-            for line, z in lined.items():
-                named, p = ordered((*a, *d, *line)), certain * x * y * z / total
-                joint[named] = joint.get(named, 0.0) + p
-                if named not in made or p > made[named].probability:
-                    one = _scored(named, of_angle[a], of_drive.get(d), fast if line else None)
-                    made[named] = replace(one, probability=p)
+    for (a, x), (d, y), (line, z) in product(angle.items(), pressed.items(), lined.items()):
+        named, p = ordered((*a, *d, *line)), certain * x * y * z / total
+        joint[named] = joint.get(named, 0.0) + p
+        if named not in made or p > made[named].probability:
+            made[named] = _scored(named, p, of_angle[a], of_drive.get(d), fast if line else None)
     scored = [replace(one, probability=joint[named]) for named, one in made.items()]
     scored.sort(key=lambda s: -s.probability)
     share = unknown_drive / max(unknown_drive + unknown_angle, 1e-12)
@@ -291,7 +290,9 @@ def _weighed_drive(
     return _normalised(parts, floor_deg)
 
 
-def _scored(named: Ids, angle: _Part, drive: _Part | None, fast: Line | None) -> Scored:
+def _scored(
+    named: Ids, probability: float, angle: _Part, drive: _Part | None, fast: Line | None
+) -> Scored:
     """Put the parts of an explanation together."""
     moved, left = dict(angle.moved_deg), angle.left_deg
     pressure = None
@@ -304,7 +305,7 @@ def _scored(named: Ids, angle: _Part, drive: _Part | None, fast: Line | None) ->
     if fast is not None and line is not None:
         moved[line] = fast.amplitude_deg / float(np.sqrt(2.0))
     assert isinstance(angle.fit, Fitted)
-    return Scored(named, 0.0, angle.fit, pressure, fast, moved, left)
+    return Scored(named, probability, angle.fit, pressure, fast, moved, left)
 
 
 def _of_line(fast: Line, floor_deg: float) -> dict[Ids, float]:

@@ -21,7 +21,7 @@ from scipy.special import erfcx, log_ndtr
 from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.minimise import Minimum, Quadratic, free_of, minimise
 from spa_fo.gap.fit.mixed import Normal, Prior, Solution, solve
-from spa_fo.gap.noise.whitening import Factor
+from spa_fo.gap.noise.whitening import Factor, Whitening
 from spa_fo.plant.effects.library import LIBRARY, absent
 
 Floats = NDArray[np.float64]
@@ -47,8 +47,8 @@ class Linear:
 class Explained(ABC):
     """What is searched of an explanation, and what its rows say.
 
-    `group` and `variance` are those of the nuisances, as a `Prior` has them; `measured` stands at
-    all rows.
+    `group` and `variance` are those of the nuisances, as a `Prior` has them. `measured` stands at
+    all rows: those of `whitening`, and further ones whose errors are `sigma`, 1 sigma.
 
     Parameters
     ----------
@@ -67,6 +67,8 @@ class Explained(ABC):
     group: Integers
     variance: Floats
     measured: Floats
+    whitening: Whitening
+    sigma: Floats
 
     def __init__(
         self,
@@ -101,9 +103,11 @@ class Explained(ABC):
     def columns(self, z: Floats) -> Floats:
         """Columns of the nuisances about a point, (rows, size)."""
 
-    @abstractmethod
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten what stands at all rows."""
+        n = self.whitening.rows.size
+        rest = (values[n:].T / self.sigma).T
+        return np.concatenate([self.whitening.white(factor, values[:n]), rest])
 
     def effects(self, z: Floats) -> Floats:
         """Parameters of all effects, NaN where absent."""
@@ -128,12 +132,10 @@ class Explained(ABC):
 
     def _slope_steps(self, z: Floats) -> Floats:
         """How far each parameter is moved for a slope."""
-        own = z[self.free :]
-        steps = np.full(self.parameters, _COEFFICIENT_STEP)
-        least = np.minimum(self.sd, 0.3 * np.maximum(np.abs(own), 0.3))
-        steps[self.free :] = _SLOPE_STEP * least
-        steps[self.free :] *= np.where(own + steps[self.free :] <= self.high[self.free :], 1, -1)
-        return steps
+        own, high = z[self.free :], self.high[self.free :]
+        steps = _SLOPE_STEP * np.minimum(self.sd, 0.3 * np.maximum(np.abs(own), 0.3))
+        steps *= np.where(own + steps <= high, 1.0, -1.0)
+        return np.append(np.full(self.free, _COEFFICIENT_STEP), steps)
 
     def once(self, what: str, of: Floats, make: Callable[[], Made]) -> Made:
         """Make what depends on some numbers alone once, while they are among the last."""
@@ -282,10 +284,10 @@ class Explained(ABC):
             total += float(np.sum(log_ndtr(room / error)))
         # Of what is held a one-sided integral, in units of its prior, all others following.
         away = ((z - self.centre)[k] / self.sd)[held[k]]
-        beside = matrix[held.nonzero()[0]][:, use]
-        curvature = np.diag(matrix)[: held.size][held] + 1.0
-        curvature = curvature - np.einsum("ij,jk,ik->i", beside, covariance, beside)
-        slope = np.abs(away - vector[: held.size][held] + beside @ solution.coefficients)
+        mine = np.flatnonzero(held)
+        beside = matrix[mine][:, use]
+        curvature = np.diag(matrix)[mine] + 1.0 - np.sum(beside @ covariance * beside, axis=1)
+        slope = np.abs(away - vector[mine] + beside @ solution.coefficients)
         logs = 0.5 * np.log(np.pi / (2.0 * curvature)) - 0.5 * np.log(2.0 * np.pi) - 0.5 * away**2
         return total + float(np.sum(logs + np.log(erfcx(slope / np.sqrt(2.0 * curvature)))))
 

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from spa_fo.gap.data.evidence import Evidence, modelled_pressure
 from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.least_squares import Explained, slots_of
-from spa_fo.gap.noise.whitening import Factor, Whitening
+from spa_fo.gap.noise.whitening import Whitening
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import Parameter
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -138,7 +138,7 @@ class PressureProblem(Explained):
         self, evidence: Evidence, whitening: Whitening, ids: Sequence[str], lag_known: bool = False
     ) -> None:
         self.evidence, self.whitening, self.ids = evidence, whitening, tuple(ids)
-        self.rows = whitening.rows
+        self.rows, self.sigma = whitening.rows, np.zeros(0)
         lag = _LAG_LEFT if lag_known else _LAG
         if evidence.data.campaign.log.format == "spa-rig":
             lag = _RIG_LAG
@@ -173,7 +173,3 @@ class PressureProblem(Explained):
         y = self.predict(z)
         late = np.clip(-self.evidence.grid.slopes(y), -20.0, 20.0)
         return self.rows.merged(np.column_stack([np.ones(y.size), y, late]))
-
-    def white(self, factor: Factor, values: Floats) -> Floats:
-        """Whiten what stands at all rows."""
-        return self.whitening.white(factor, values)

@@ -7,6 +7,7 @@ calibration dwells', the log's lateness, and every trial's own gain, rest angle 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import HIGHEST, LN_GAIN, LOWEST, at_rate, to_x, wave
 from spa_fo.gap.fit.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
-from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Mounting
 from spa_fo.plant.effects.library import LIBRARY, at_port
@@ -67,12 +67,17 @@ class AngleProblem(Explained):
         self.most[DWELL] = _MOST_DWELL * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
         self._moving = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
-        evidence, fixture = self.evidence, self.evidence.fixture
-        self.measured = self.stacked(
-            self.rows.merged(evidence.grid.angle_deg),
-            None if fixture is None else fixture.deviation_deg,
-            evidence.drift_deg,
-        )
+        self.whitening, fixture, none = bench.whitening, self.evidence.fixture, np.zeros(0)
+        further = [  # measured, and its error
+            (none, none) if fixture is None else (fixture.deviation_deg, fixture.sigma_deg),
+            (self.evidence.drift_deg, self.evidence.drift_sigma_deg),
+        ]
+        if known.response is not None:
+            further.append((known.response.values, np.ones(known.response.values.size)))
+        self.further = [values.size for values, _ in further]
+        self.sigma = np.concatenate([sigma for _, sigma in further])
+        angle = self.rows.merged(self.evidence.grid.angle_deg)
+        self.measured = np.concatenate([angle, *(values for values, _ in further)])
         self.trial = np.concatenate([g.trial for g in self.rows.groups])
         self._lay()
 
@@ -204,24 +209,11 @@ class AngleProblem(Explained):
 
         What is None is 0, and so is the response.
         """
-        evidence = self.evidence
-        fixed = 0 if evidence.fixture is None else evidence.fixture.deviation_deg.size
-        known = 0 if self.response is None else self.response.values.size
-        parts = [angle]
-        for part, size in (fixture, fixed), (drift, evidence.drift_deg.size), (None, known):
-            parts.append(np.zeros((size, *angle.shape[1:])) if part is None else part)
-        return np.concatenate(parts)
-
-    # --- whitening -------------------------------------------------------------------------------
-
-    def white(self, factor: Factor, values: Floats) -> Floats:
-        """Whiten what stands at all rows."""
-        n, evidence = self.rows.size, self.evidence
-        fixed = np.zeros(0) if evidence.fixture is None else evidence.fixture.sigma_deg
-        known = np.append(fixed, evidence.drift_sigma_deg)
-        sigma = np.append(known, np.ones(values.shape[0] - n - known.size))
-        rest = (values[n:].T / sigma).T
-        return np.concatenate([self.bench.whitening.white(factor, values[:n]), rest])
+        parts = [
+            np.zeros((size, *angle.shape[1:])) if part is None else part
+            for part, size in zip_longest((fixture, drift), self.further)
+        ]
+        return np.concatenate([angle, *parts])
 
 
 def nuisance_scales(bench: Bench, slips: bool) -> Floats:
