@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal, norm
 
 from spa_fo.gap.data.searched import Slot
+from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.fit.least_squares import Explained
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.plant.effects.effect import Parameter
@@ -28,12 +29,10 @@ class Line(Explained):
         parameter = Parameter("size", "1", 0.0, 0.8, low, 50.0, starts=(0.1,))
         super().__init__(
             [Slot(parameter, 0)],
-            np.array([0.3, -0.2]),
-            np.array([[0.5, 0.2], [0.2, 0.4]]),
-            np.full(2, -50.0),
-            np.full(2, 50.0),
             np.array([0.6]),
+            Coefficients(np.array([0.3, -0.2]), np.array([[0.5, 0.2], [0.2, 0.4]])),
         )
+        self.low[:2], self.high[:2] = -50.0, 50.0
         self.group = np.array([-1, 0])
         self.variance = np.array([0.2, np.nan])
         truth = np.array([0.1, 0.4, size])

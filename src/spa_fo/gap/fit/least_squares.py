@@ -15,10 +15,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg import block_diag, cho_solve, solve_triangular
 from scipy.special import erfcx, log_ndtr
 
-from spa_fo.gap.data.searched import Slot
+from spa_fo.gap.data.searched import HIGHEST, LOWEST, Slot
+from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.fit.minimise import Minimum, Quadratic, free_of, minimise
 from spa_fo.gap.fit.mixed import Normal, Prior, Solution, solve
 from spa_fo.gap.noise.whitening import Factor, Whitening
@@ -54,14 +55,11 @@ class Explained(ABC):
     ----------
     slots : sequence of Slot
         The effects' parameters.
-    centre, spread : arrays
-        Prior of the parameters searched before them: mean (k,), covariance (k, k).
-    low, high : (k,) arrays
-        Their bounds.
     scales : array
         Typical standard deviations of the groups of nuisances.
-    log_noise : float
-        Logarithm of the determinant of the noise beyond the whitening's.
+    known : Coefficients, optional
+        What is known of coefficients that are searched before them; its response, whitened, stands
+        at the last rows.
     """
 
     group: Integers
@@ -71,33 +69,25 @@ class Explained(ABC):
     sigma: Floats
 
     def __init__(
-        self,
-        slots: Sequence[Slot],
-        centre: Floats,
-        spread: Floats,
-        low: Floats,
-        high: Floats,
-        scales: Floats,
-        log_noise: float = 0.0,
+        self, slots: Sequence[Slot], scales: Floats, known: Coefficients | None = None
     ) -> None:
-        self.slots, self.scales, self.log_noise = list(slots), scales, log_noise
-        self.most = np.full(scales.size, np.inf)
-        self.free = k = centre.size
-        self.parameters = p = k + len(self.slots)
-        self.centre = np.concatenate([centre, [s.centre for s in self.slots]])
+        self.slots, self.scales, self.most = list(slots), scales, np.full(scales.size, np.inf)
+        mean, spread, self.response = np.zeros(0), np.zeros((0, 0)), None
+        if known is not None:
+            mean, spread, self.response = known.mean, known.spread, known.response
+        self.free, self.parameters = mean.size, mean.size + len(self.slots)
         self.sd = np.array([s.parameter.spread for s in self.slots])
-        covariance = np.zeros((p, p))
-        covariance[:k, :k] = spread
-        covariance[np.arange(k, p), np.arange(k, p)] = self.sd**2
+        covariance = block_diag(spread, np.diag(self.sd**2))
         self.root = np.linalg.cholesky(covariance)
-        self.precision = cho_solve((self.root, True), np.eye(p))
-        self.low = np.concatenate([low, [s.limits[0] for s in self.slots]])
-        self.high = np.concatenate([high, [s.limits[1] for s in self.slots]])
+        self.precision = cho_solve((self.root, True), np.eye(self.parameters))
+        self.centre = np.append(mean, [s.centre for s in self.slots])
+        self.low = np.append(LOWEST[: self.free], [s.limits[0] for s in self.slots])
+        self.high = np.append(HIGHEST[: self.free], [s.limits[1] for s in self.slots])
         self._known: dict[tuple[str, bytes], Any] = {}
 
     @abstractmethod
     def at_rows(self, z: Floats) -> Floats:
-        """Predict what is measured, (rows,)."""
+        """Predict what is measured, (rows,); of the response 0."""
 
     @abstractmethod
     def columns(self, z: Floats) -> Floats:
@@ -119,7 +109,10 @@ class Explained(ABC):
 
     def left(self, z: Floats) -> Floats:
         """Measured less predicted, (rows,)."""
-        return self.measured - self.at_rows(z)
+        left = self.measured - self.at_rows(z)
+        if self.response is not None:
+            left[-self.response.values.size :] = self.response.left(z)
+        return left
 
     def slopes(self, z: Floats) -> Floats:
         """Slopes of the prediction over the searched parameters, (rows, parameters)."""
@@ -128,7 +121,11 @@ class Explained(ABC):
     def _slopes(self, z: Floats) -> Floats:
         here, steps = self.at_rows(z), self._slope_steps(z)
         moved = [(self.at_rows(z + d) - here) / d.sum() for d in np.diag(steps)]
-        return np.column_stack(moved)
+        slopes = np.column_stack(moved)
+        if self.response is not None:
+            known = slice(-self.response.values.size, None)
+            slopes[known, : self.free] = self.response.slopes(z)
+        return slopes
 
     def _slope_steps(self, z: Floats) -> Floats:
         """How far each parameter is moved for a slope."""
@@ -237,7 +234,9 @@ class Explained(ABC):
         held = ~free_of(z, gradient, self.low, self.high)
         held[: self.free] = False
         use = np.append(~held, np.ones(self.group.size, dtype=bool))
-        log_noise = 2.0 * factor.half_log + self.log_noise
+        log_noise = 2.0 * factor.half_log
+        if self.response is not None:
+            log_noise += self.response.log_noise
         normal = Normal(matrix[np.ix_(use, use)], vector[use], square, log_noise, every.shape[0])
         prior = self._prior(solve_triangular(self.root, self.centre - z, lower=True)).of(use)
         solution = solve(normal, prior, variances, rounds)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import curve_columns
-from spa_fo.gap.data.searched import HIGHEST, LN_GAIN, LOWEST, at_rate, to_x, wave
+from spa_fo.gap.data.searched import LN_GAIN, at_rate, to_x, wave
 from spa_fo.gap.fit.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.settings import SETTINGS
@@ -53,16 +53,8 @@ class AngleProblem(Explained):
         known = bench.coefficients
         if at_port("coefficients", ids) is not None:
             known = known.shifted(bench.centre)
-        self.response = known.response
-        super().__init__(
-            slots_of(ids),
-            known.mean,
-            known.spread,
-            LOWEST,
-            HIGHEST,
-            nuisance_scales(bench, at_port("zeros", ids) is not None),
-            0.0 if known.response is None else known.response.log_noise,
-        )
+        scales = nuisance_scales(bench, at_port("zeros", ids) is not None)
+        super().__init__(slots_of(ids), scales, known)
         # Errors of known angles that agree with each other do not hide what all trials show.
         self.most[DWELL] = _MOST_DWELL * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
@@ -188,19 +180,6 @@ class AngleProblem(Explained):
         """Predict the angle, and the readings in the fixture; later calibrations are to be 0."""
         angle, fixture = self.predict(z)
         return self.stacked(self.rows.merged(angle), fixture)
-
-    def left(self, z: Floats) -> Floats:
-        """Measured less predicted, (all rows,); of a known response whitened already."""
-        left = super().left(z)
-        if self.response is not None:
-            left[-self.response.values.size :] = self.response.left(z)
-        return left
-
-    def _slopes(self, z: Floats) -> Floats:
-        slopes = super()._slopes(z)
-        if self.response is not None:
-            slopes[-self.response.values.size :, :5] = self.response.slopes(z)
-        return slopes
 
     def stacked(
         self, angle: Floats, fixture: Floats | None = None, drift: Floats | None = None
