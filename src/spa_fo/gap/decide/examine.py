@@ -17,8 +17,7 @@ from spa_fo.gap.decide.weigh import decide
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.interference import NONE, fast_line
-from spa_fo.gap.search.drive import Drive, examine_drive
-from spa_fo.gap.search.drive_by_angle import joined
+from spa_fo.gap.search.drive import Drive, examine_drive, joined
 from spa_fo.gap.search.explanations import Explanations, explain
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.plant import Model

@@ -1,9 +1,14 @@
-"""The drive by itself: what explains the measured pressure, and the true pressure that follows."""
+"""The drive by itself: what explains the measured pressure, and the true pressure that follows.
+
+The pressure alone cannot tell a drive that lags by a few hundredths of a second from a pressure
+sensor that does; the angle can. Explanations of the pressure that come near the best are each given
+to the angle, and what the angle makes of it is added to their evidence (`joined`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -11,11 +16,15 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.floor import repeats
-from spa_fo.gap.fit.bench import SHARES, local_size, rows_of
+from spa_fo.gap.data.searched import to_x
+from spa_fo.gap.fit.bench import SHARES, Bench, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.whitening import Rows, Whitening
+from spa_fo.gap.prior import log_prior
+from spa_fo.gap.search.explanations import Explanations
+from spa_fo.gap.search.fitted import HOPE, Fitted, begun, price, settled, weighed
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, absent, beside, ordered
@@ -35,6 +44,11 @@ _DELAYS_S = tuple(np.geomspace(0.01, 1.5, 30).tolist())
 _QUICK_S = 0.01  # a sensor's lag that no actuator feels
 _NOTHING_DEG = 0.02  # what the drive misses, in degrees of a static actuator
 
+_NEAR = 60.0  # nats behind the best explanation of the pressure, which an angle may make up for
+_MOST = 4  # explanations of the pressure, the best among them
+_SAME = 1e-3  # of a pressure: another one that differs by less is the same
+_CARRIED = 3  # explanations of the angle that are tried with each, beside the plain model
+
 
 @dataclass(frozen=True)
 class DriveFit:
@@ -44,10 +58,9 @@ class DriveFit:
     z: Floats  # parameters as searched, and the sensor's lag
     effects: Floats  # parameters of all effects, NaN where absent
     cells_kpa: Floats  # (cells,), true pressure on the grid's cells
-    shown_kpa: Floats  # (cells,), what a sensor that lags shows of it
+    believed_kpa: Floats  # (cells,), the same as far as the sensor agrees with it
     predicted_kpa: Floats  # (n,), true pressure at the grid's averaged samples
     residual_kpa: Floats  # (n,), what is left with the sensor's lag, offset and gain taken out
-    sensor: Floats  # (2,), offset (kPa) and relative gain error of the pressure sensor
     sigma: Floats  # errors of `z`
     evidence: Floats  # (shares,), log evidence for each of `SHARES`
     left_kpa: float  # RMS of the residual beyond noise
@@ -59,7 +72,6 @@ class Drive:
 
     fits: dict[Ids, DriveFit]  # by effects; none is the command itself
     pressure_kpa: Floats  # (cells,), the true pressure as far as it is known
-    room_kpa: Floats  # (cells,), by how much the sensor may differ from a fit that is believed
     given: Floats  # (5,), coefficients of the given model
     gap_kpa: float  # RMS of what the command misses of the true pressure
     gap_deg: float  # RMS of what that moves the given model's angle by
@@ -72,11 +84,10 @@ class Drive:
     @property
     def best(self) -> DriveFit:
         """The fit of largest evidence, at its best share."""
-        return best_of(self.fits)
+        return _best(self.fits)
 
 
-def best_of(fits: Mapping[Ids, DriveFit]) -> DriveFit:
-    """Return the fit of largest evidence, at its best share."""
+def _best(fits: Mapping[Ids, DriveFit]) -> DriveFit:
     return max(fits.values(), key=lambda fit: float(fit.evidence.max()))
 
 
@@ -104,18 +115,18 @@ def examine_drive(
 
     def alone(ids: Ids) -> DriveFit:
         own = problem(ids)
-        return _fit(own, starts(own, np.zeros(0), _DELAYS_S))
+        return _fit(own, starts(own, np.zeros(0), _DELAYS_S), room)
 
     def together(ids: Ids) -> DriveFit:
         singles = [fits[(name,)].z for name in ids]
         lag = np.mean([z[-1:] for z in singles], axis=0)
-        return _fit(problem(ids), [np.concatenate([*(z[:-1] for z in singles), lag])])
+        return _fit(problem(ids), [np.concatenate([*(z[:-1] for z in singles), lag])], room)
 
-    fits: dict[Ids, DriveFit] = {(): alone(())}
     cells = np.arange(int(evidence.grid.cell_starts[-1]))
     room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa + _BLUR * blur(evidence, cells)
+    fits: dict[Ids, DriveFit] = {(): alone(())}
     late = fits[()].z[-1] > _QUICK_S  # which may be the drive's, as far as the pressure goes
-    if late or drive_of(evidence, fits, room, x).gap_deg > _NOTHING_DEG:
+    if late or _drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
         fits |= {f.ids: f for f in each(alone, [(name,) for name in names])}
         ranked = sorted(names, key=lambda n: -float(fits[(n,)].evidence.max()))
@@ -125,12 +136,12 @@ def examine_drive(
             if beside((one,), (other,))
         ]
         fits |= {f.ids: f for f in each(together, pairs)}
-    return drive_of(evidence, fits, room, x)
+    return _drive_of(evidence, fits, x)
 
 
-def drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], room_kpa: Floats, x: Floats) -> Drive:
-    """Say what the best fit makes of the drive; for `room_kpa` and `x` see `Drive`."""
-    grid, true_kpa = evidence.grid, true_pressure(evidence, best_of(fits), room_kpa)
+def _drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], x: Floats) -> Drive:
+    """Say what the best fit makes of the drive of an actuator with coefficients `x`."""
+    grid, true_kpa = evidence.grid, _best(fits).believed_kpa
     assert grid.command_kpa is not None
     driven, commanded = (
         angle_chain(evidence, x, kpa).run(x, absent())[0] for kpa in (true_kpa, None)
@@ -139,19 +150,10 @@ def drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], room_kpa: Floats, x:
     return Drive(
         fits=fits,
         pressure_kpa=true_kpa,
-        room_kpa=room_kpa,
         given=x,
         gap_kpa=float(np.sqrt(np.mean((true_kpa - grid.command_kpa) ** 2))),
         gap_deg=float(np.sqrt(np.average(change**2, weights=grid.counts[evidence.used]))),
     )
-
-
-def true_pressure(evidence: Evidence, fitted: DriveFit, room_kpa: Floats) -> Floats:
-    """Take a fit where the sensor agrees with it, within some room, else the sensor, (cells,)."""
-    assert evidence.grid.pressure_kpa is not None
-    measured = (evidence.grid.pressure_kpa - fitted.sensor[0]) / (1.0 + fitted.sensor[1])
-    agreed = np.clip(fitted.shown_kpa, measured - room_kpa, measured + room_kpa)
-    return np.asarray(fitted.cells_kpa + (agreed - fitted.shown_kpa))
 
 
 def _whitening(evidence: Evidence, step_kpa: float, beyond: Spectrum | None) -> Whitening:
@@ -207,8 +209,11 @@ def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:
     return squares
 
 
-def _fit(problem: PressureProblem, points: list[Floats]) -> DriveFit:
-    """Fit from the best of some points."""
+def _fit(problem: PressureProblem, points: list[Floats], room_kpa: Floats) -> DriveFit:
+    """Fit from the best of some points.
+
+    Within `room_kpa`, (cells,), the sensor may differ from a fit that is believed.
+    """
     factor = problem.whitening.factor(1.0, SETTINGS.search_share)
     if len(points) > _BEST_STARTS:
         points = sorted(points, key=lambda z: problem.misfit(z, factor))[:_BEST_STARTS]
@@ -220,19 +225,95 @@ def _fit(problem: PressureProblem, points: list[Floats]) -> DriveFit:
     ]
     evidence = np.array([log for log, _, _ in weighed])
     _, solution, top = weighed[int(np.argmax(evidence))]
-    sensor = solution.coefficients[-3:-1]
+    offset, gain = solution.coefficients[-3:-1]
     shown, cells, grid = problem.predict(z), problem.cells(z), problem.evidence.grid
     assert grid.measured_kpa is not None
+    assert grid.pressure_kpa is not None
+    sensed, there = (grid.pressure_kpa - offset) / (1.0 + gain), problem.shown(z)
     return DriveFit(
         ids=problem.ids,
         z=z,
         effects=problem.effects(z),
         cells_kpa=cells,
-        shown_kpa=problem.shown(z),
+        believed_kpa=cells + (np.clip(there, sensed - room_kpa, sensed + room_kpa) - there),
         predicted_kpa=grid.sampled(cells),
-        residual_kpa=grid.measured_kpa - shown - sensor[0] - sensor[1] * shown,
-        sensor=sensor,
+        residual_kpa=grid.measured_kpa - shown - offset - gain * shown,
         sigma=np.sqrt(np.diag(problem.posterior(linear, factor, np.ones(1)))),
         evidence=evidence,
         left_kpa=problem.whitening.beyond_noise(problem.remaining(linear, solution, top)),
     )
+
+
+# --- what the angle says of it -------------------------------------------------------------------
+
+
+def joined(drive: Drive, found: Explanations) -> Drive:
+    """Add to each explanation of the pressure what the angle says of it.
+
+    Parameters
+    ----------
+    drive : Drive
+        What the pressure says.
+    found : Explanations
+        Fits of the angle, driven by its best explanation.
+
+    Returns
+    -------
+    Drive
+        The same where none came near the best. Those that did not are given what the angle says of
+        the least likely.
+    """
+    ranked = sorted(drive.fits.values(), key=lambda f: -_worth(f))
+    near = [f for f in ranked if _worth(f) > _worth(ranked[0]) - _NEAR]
+    near = [f for place, f in enumerate(near) if place < _MOST or not f.ids]
+    alike = {drive.best.ids, *(one.ids for one in near if _alike(drive, one))}
+    others = {one.ids: _driven(found.bench, one) for one in near if one.ids not in alike}
+    if not others:
+        return drive
+    allowed = [f for f in found.fits.values() if f.ids and not set(f.ids) & set(found.excluded)]
+    allowed = [f for f in allowed if np.isfinite(f.logs).all()]
+    carried = [found.plain, *sorted(allowed, key=lambda f: -_value(f))[:_CARRIED]]
+    pairs = [(ids, angle) for ids in others for angle in carried]
+    rough = each(lambda p: begun(others[p[0]], p[1].ids, [p[1].z], found.plain), pairs)
+    tried = [(ids, fitted) for (ids, _), fitted in zip(pairs, rough, strict=True)]
+    tops = {own: max(_promise(f) for ids, f in tried if ids == own) for own in others}
+    tried = [(ids, f) for ids, f in tried if _promise(f) > tops[ids] - _NEAR]
+
+    def ended(bench: Bench, fitted: Fitted) -> float:
+        return _value(weighed(bench, settled(bench, fitted, found.plain)))
+
+    values = each(lambda p: ended(others[p[0]], p[1]), tried)
+    said = dict.fromkeys(alike, max(_value(angle) for angle in carried))
+    for (ids, _), value in zip(tried, values, strict=True):
+        said[ids] = max(said.get(ids, -np.inf), value)
+    top, least = max(said.values()), min(said.values())
+    fits = {
+        ids: replace(f, evidence=f.evidence + said.get(ids, least) - top)
+        for ids, f in drive.fits.items()
+    }
+    return _drive_of(found.bench.evidence, fits, drive.given)
+
+
+def _alike(drive: Drive, one: DriveFit) -> bool:
+    """Say whether no angle tells an explanation of the pressure from the best one."""
+    best = drive.best.cells_kpa
+    return bool(np.sum((one.cells_kpa - best) ** 2) <= _SAME**2 * np.sum(best**2))
+
+
+def _worth(fitted: DriveFit) -> float:
+    return float(fitted.evidence.max()) + log_prior(fitted.ids) / SETTINGS.temper
+
+
+def _value(fitted: Fitted) -> float:
+    return float(fitted.logs.max()) - price(fitted) + log_prior(fitted.ids) / SETTINGS.temper
+
+
+def _promise(rough: Fitted) -> float:
+    """Say what a rough fit may be worth once it has come to its end."""
+    worth = log_prior(rough.ids) / SETTINGS.temper - price(rough)
+    return rough.quick + HOPE * rough.decrement + worth
+
+
+def _driven(bench: Bench, one: DriveFit) -> Bench:
+    """Let an explanation of the pressure drive the model."""
+    return replace(bench, chain=angle_chain(bench.evidence, to_x(bench.centre), one.believed_kpa))
