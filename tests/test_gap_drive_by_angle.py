@@ -14,8 +14,7 @@ from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.decide.weigh import decide_drive
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.pressure import lagged
-from spa_fo.gap.search.drive import Drive, examine_drive
-from spa_fo.gap.search.drive_by_angle import joined
+from spa_fo.gap.search.drive import Drive, examine_drive, joined
 from spa_fo.gap.search.explanations import explain
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import IDS, LIBRARY

@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal, norm
 
 from spa_fo.gap.data.searched import Slot
+from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.fit.least_squares import Explained
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.plant.effects.effect import Parameter
@@ -28,22 +29,17 @@ class Line(Explained):
         parameter = Parameter("size", "1", 0.0, 0.8, low, 50.0, starts=(0.1,))
         super().__init__(
             [Slot(parameter, 0)],
-            np.array([0.3, -0.2]),
-            np.array([[0.5, 0.2], [0.2, 0.4]]),
-            np.full(2, -50.0),
-            np.full(2, 50.0),
             np.array([0.6]),
+            Coefficients(np.array([0.3, -0.2]), np.array([[0.5, 0.2], [0.2, 0.4]])),
         )
+        self.low[:2], self.high[:2] = -50.0, 50.0
         self.group = np.array([-1, 0])
         self.variance = np.array([0.2, np.nan])
         truth = np.array([0.1, 0.4, size])
-        self.y = self.j @ truth + NOISE * rng.standard_normal(30)
+        self.measured = self.j @ truth + NOISE * rng.standard_normal(30)
 
-    def left(self, z: Floats) -> Floats:
-        return self.y - self.j @ z
-
-    def slopes(self, z: Floats) -> Floats:
-        return self.j
+    def at_rows(self, z: Floats) -> Floats:
+        return self.j @ z
 
     def columns(self, z: Floats) -> Floats:
         return self.own
@@ -81,7 +77,7 @@ def of_a_known_size(problem: Line, size: float) -> float:
         + problem.own @ np.diag(OWN) @ problem.own.T
     )
     mean = problem.j[:, :2] @ CENTRE + size * problem.j[:, 2]
-    return float(multivariate_normal(mean, covariance).logpdf(problem.y))
+    return float(multivariate_normal(mean, covariance).logpdf(problem.measured))
 
 
 def with_half_a_prior(problem: Line) -> float:
@@ -107,7 +103,7 @@ def test_of_a_straight_model_it_is_the_exact_one(low: float) -> None:
     whole[:2, :2], whole[2, 2] = SPREAD, SIZE_DEVIATION**2
     covariance = NOISE**2 * np.eye(ROWS) + problem.j @ whole @ problem.j.T
     covariance += problem.own @ np.diag(OWN) @ problem.own.T
-    exact = multivariate_normal(problem.j[:, :2] @ CENTRE, covariance).logpdf(problem.y)
+    exact = multivariate_normal(problem.j[:, :2] @ CENTRE, covariance).logpdf(problem.measured)
     for z in (np.zeros(3), np.array([0.1, 0.4, 1.0])):
         assert weighed(problem, z) == pytest.approx(exact, abs=1e-9)
 
@@ -137,7 +133,7 @@ def test_a_size_that_its_bound_holds_is_integrated_too(size: float) -> None:
 def test_a_size_that_its_bound_holds_is_integrated_beside_a_nuisance_like_it() -> None:
     problem = Line(-0.1, low=0.0)
     problem.own[:, 1] = 0.8 * problem.j[:, 2] + 0.6 * problem.own[:, 1]
-    problem.y = problem.y + 0.8 * problem.own[:, 1]
+    problem.measured = problem.measured + 0.8 * problem.own[:, 1]
     z = searched(problem)
     assert z[2] == 0.0
     assert weighed(problem, z) == pytest.approx(with_half_a_prior(problem), abs=0.05)
@@ -152,11 +148,11 @@ def test_a_search_ends_where_the_gradient_of_the_marginal_vanishes() -> None:
     np.testing.assert_allclose(pull, problem.precision @ (z - problem.centre), atol=1e-4)
 
 
-def test_errors_are_those_of_the_posterior() -> None:
+def test_the_covariance_is_that_of_the_posterior() -> None:
     problem = Line(1.0, low=-50.0)
     linear = problem.linear(np.zeros(3))
     spread = problem.spread(np.array([0.36]))
     covariance = NOISE**2 * np.eye(30) + problem.own @ np.diag(spread) @ problem.own.T
     normal = problem.j.T @ np.linalg.solve(covariance, problem.j) + problem.precision
-    found = problem.errors(linear, FACTOR, np.array([0.36]))
-    np.testing.assert_allclose(found, np.sqrt(np.diag(np.linalg.inv(normal))))
+    found = problem.posterior(linear, FACTOR, np.array([0.36]))
+    np.testing.assert_allclose(found, np.linalg.inv(normal))

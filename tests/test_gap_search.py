@@ -10,7 +10,8 @@ import pytest
 import campaigns
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.bench import REST, Bench, bench_for
-from spa_fo.gap.fit.problem import AngleProblem, starts
+from spa_fo.gap.fit.least_squares import starts
+from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.search.explanations import Explanations, explain, screen
 from spa_fo.gap.search.fitted import HOPE, begun, fit, settled
 from spa_fo.gap.settings import SETTINGS

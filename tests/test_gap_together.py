@@ -136,7 +136,7 @@ def test_bad_input_is_the_same_line_and_other_errors_say_where(two: None) -> Non
         each(short_of, [1, 2])
     with pytest.raises(ZeroDivisionError) as wrong:
         each(lambda item: 1 / item, [0, 0])
-    assert "lambda item: 1 / item" in wrong.value.__notes__[0]
+    assert "lambda item: 1 / item" in str(wrong.value.__cause__)
 
 
 @forks

@@ -8,17 +8,16 @@ another's result: the answer is the same for any number of either.
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import signal
 import sys
 import threading
-import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
 import numba
@@ -26,7 +25,8 @@ import numba
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-_ENDED = "a process that worked for this one ended before it was done"
+_DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of prctl(2)
+_job: tuple[Callable[[Any], Any], Sequence[Any]]  # a worker's function and all items
 
 
 def each(
@@ -34,24 +34,9 @@ def each(
 ) -> list[Result]:
     """Call a function for every item, side by side on as many processors as Numba may use.
 
-    Parameters
-    ----------
-    function : callable
-        Must not change what other calls read, nor run a kernel that is parallel in itself.
-    items : sequence
-        Its arguments.
-    threads : bool
-        Whether threads may do it where processes cannot; else it is done one by one.
-
-    Returns
-    -------
-    list
-        The results in the order of the items.
-
-    Raises
-    ------
-    RuntimeError
-        A process ended before its work was done.
+    `function` must not change what other calls read, nor run a kernel that is parallel in itself.
+    `threads` says whether threads may do it where processes cannot; else it is done one by one. The
+    results are in the order of the items; `RuntimeError` where a process ended before its work.
     """
     workers = min(numba.get_num_threads(), len(items))
     if workers > 1 and _can_fork():
@@ -70,35 +55,39 @@ def _can_fork() -> bool:
 def _in_processes(
     function: Callable[[Item], Result], items: Sequence[Item], workers: int
 ) -> list[Result]:
-    """Hand out the items one at a time, as they take unequally long."""
-    staff: list[tuple[BaseProcess, Connection]] = []
-    busy: list[Connection] = []
-    results: dict[int, Result] = {}
-    todo = iter(range(len(items)))
+    context = multiprocessing.get_context("fork")  # which hands the job over without pickling it
+    pool = ProcessPoolExecutor(workers, context, _begin, (function, items))
     try:
-        with _interrupts_later():
-            staff += [_hire(function, items) for _ in range(workers)]
-            busy += [link for _, link in staff]
-        for link in busy:
-            _send(link, next(todo))
-        while busy:
-            ready = wait(busy)
-            for link in [link for link in busy if link in ready]:
-                index, result, failed = _receive(link)
-                if failed is not None:
-                    raise failed
-                results[index] = result
-                following = next(todo, None)
-                _send(link, following)
-                if following is None:
-                    busy.remove(link)
+        with _interrupts_later(), warnings.catch_warnings():
+            # Python 3.12 warns of threads outside Python too. Those of OpenMP and of the linear
+            # algebra hold no lock between two calls.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            calls = [pool.submit(_call, index) for index in range(len(items))]
+        return [call.result() for call in calls]
+    except BaseException as error:
+        for process in list(pool._processes.values()):
+            process.kill()
+        if isinstance(error, BrokenProcessPool):
+            raise RuntimeError(
+                "a process that worked for this one ended before it was done"
+            ) from None
+        raise
     finally:
-        for process, link in staff:
-            if link in busy:
-                process.kill()  # the caller may handle SIGTERM, and its copies then would too
-            process.join()
-            link.close()
-    return [results[index] for index in range(len(items))]
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin(function: Callable[[Any], Any], items: Sequence[Any]) -> None:
+    """Make a copy of this process ready: it leaves signals to the caller, and ends with it."""
+    global _job
+    _job = function, items
+    ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _call(index: int) -> Any:
+    function, items = _job
+    return function(items[index])
 
 
 @contextmanager
@@ -116,54 +105,3 @@ def _interrupts_later() -> Iterator[None]:
         signal.signal(signal.SIGINT, answer)
     if heard:
         signal.raise_signal(signal.SIGINT)
-
-
-def _send(link: Connection, index: int | None) -> None:
-    try:
-        link.send(index)
-    except ConnectionError:
-        raise RuntimeError(_ENDED) from None
-
-
-def _receive(link: Connection) -> Any:
-    try:
-        return link.recv()
-    except (EOFError, ConnectionError):
-        raise RuntimeError(_ENDED) from None
-
-
-def _hire(
-    function: Callable[[Item], Result], items: Sequence[Item]
-) -> tuple[BaseProcess, Connection]:
-    """Copy this process for work that is asked for by index over the connection."""
-    context = multiprocessing.get_context("fork")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(function, items, ours, theirs))
-    with warnings.catch_warnings():
-        # Python 3.12 warns of threads outside Python too. Those of OpenMP and of the linear
-        # algebra hold no lock between two calls.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        process.start()
-    theirs.close()
-    return process, ours
-
-
-def _work(
-    function: Callable[[Item], Result],
-    items: Sequence[Item],
-    ours: Connection,
-    theirs: Connection,
-) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller's to answer
-    ours.close()  # or this process would not see the caller end
-    try:
-        while (index := theirs.recv()) is not None:
-            result, failed = None, None
-            try:
-                result = function(items[index])
-            except Exception as error:
-                error.add_note(traceback.format_exc())  # which does not travel with it
-                failed = error
-            theirs.send((index, result, failed))
-    except (EOFError, ConnectionError):
-        pass  # the caller is gone

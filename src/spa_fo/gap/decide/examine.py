@@ -16,8 +16,7 @@ from spa_fo.gap.decide.weigh import decide
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.interference import NONE, fast_line
-from spa_fo.gap.search.drive import Drive, examine_drive
-from spa_fo.gap.search.drive_by_angle import joined
+from spa_fo.gap.search.drive import Drive, examine_drive, joined
 from spa_fo.gap.search.explanations import Explanations, explain
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.plant import Model
@@ -36,41 +35,17 @@ def silent(step: str) -> None:
 
 @dataclass(frozen=True)
 class Examined:
-    """A campaign with every explanation of it fitted and weighed.
+    """A campaign with every explanation of it fitted and weighed."""
 
-    Attributes
-    ----------
-    data : CampaignData
-        The campaign as the model sees it.
-    everything : Evidence
-        All its trials.
-    held : HeldOut
-        Trials that took no part.
-    given : (5,) array
-        Coefficients of the given model.
-    excluded : tuple of str
-        Effects that the library lacked.
-    drive : Drive or None
-        What the measured pressure says.
-    found : Explanations
-        Fits of the angle to the trials that took part.
-    verdict : Verdict
-        The answer, before it is held against the other trials.
-    floor_deg : float
-        The noise floor.
-    nominal : Nominal or None
-        What stands for a command that is no pressure; the campaign then holds its pressure.
-    """
-
-    data: CampaignData
-    everything: Evidence
-    held: HeldOut
-    given: Floats
-    excluded: tuple[str, ...]
-    drive: Drive | None
-    found: Explanations
-    verdict: Verdict
-    floor_deg: float
+    everything: Evidence  # all its trials; their data as the model sees them
+    held: HeldOut  # trials that took no part
+    given: Floats  # (5,), coefficients of the given model
+    excluded: Ids  # effects that the library lacked
+    drive: Drive | None  # what the measured pressure says
+    found: Explanations  # fits of the angle to the trials that took part
+    verdict: Verdict  # the answer, before it is held against the other trials
+    floor_deg: float  # the noise floor
+    # What stands for a command that is no pressure; the campaign then holds its pressure.
     nominal: Nominal | None = None
 
 
@@ -96,13 +71,14 @@ def examine(
     campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
     data = replace(data, campaign=campaign)
     everything, given = collect(data), plain.transfer_function.as_array()
-    excluded = tuple(excluded)
-    held = hold_out(everything, rng)
-    nominal = drive = None
+    excluded, held = tuple(excluded), hold_out(everything, rng)
+    nominal = drive = pressure = expected_kpa = None
+    if beyond is not None:
+        pressure, expected_kpa = beyond.pressure, beyond.pressure_kpa
     if not by_command:
         progress("identifying the drive from command and pressure")
         nominal, drive, everything = with_nominal(data, everything, held, excluded, given)
-        data = everything.data
+        expected_kpa = nominal.fit.left_out_kpa
     if beyond is not None and beyond.usual:
         everything = with_usual(everything, beyond.usual, given)
     if everything.grid.command_kpa is None:
@@ -111,38 +87,39 @@ def examine(
     evidence = replace(everything, takes_part=~held.trials)
     progress(f"explaining {evidence.takes_part.sum()} trials")
     if evidence.has_pressure and drive is None:
-        expected = None if beyond is None else beyond.pressure
-        drive = examine_drive(evidence, excluded, given, expected)
-    own = plain.campaign == data.campaign.name and _IDENTIFIED in plain.extra
-    bench = bench_for(evidence, given, own, None if drive is None else drive.pressure_kpa, beyond)
-    floor = noise_floor(everything, bench.noise.moved_deg(everything.grid.sample_trial))
-    if not bench.noise.spectrum.repeats:
-        floor = bench.noise.floor_deg(everything.grid.angle_deg)
+        drive = examine_drive(evidence, excluded, given, pressure)
+    own = plain.campaign == campaign.name and _IDENTIFIED in plain.extra
+
+    def explained() -> Explanations:
+        kpa = None if drive is None else drive.pressure_kpa
+        return explain(bench_for(evidence, given, own, kpa, beyond), excluded, _known(earlier, kpa))
+
+    found = explained()
+    if drive is not None:
+        before, drive = drive.best.ids, joined(drive, found)
+        if drive.best.ids != before:
+            found = explained()
+    noise = found.bench.noise
+    floor = noise_floor(everything, noise.moved_deg(everything.grid.sample_trial))
+    if not noise.spectrum.repeats:
+        floor = noise.floor_deg(everything.grid.angle_deg)
     if beyond is not None:
         floor = max(floor, beyond.angle_deg)
-    found = explain(bench, excluded, _known(earlier, drive))
-    if drive is not None:
-        before, drive = drive, joined(drive, found)
-        if drive.best.ids != before.best.ids:
-            bench = bench_for(evidence, given, own, drive.pressure_kpa, beyond)
-            found = explain(bench, excluded, _known(earlier, drive))
     progress(f"weighing {len(found.fits)} explanations")
-    line = at_port("line")
-    fast = NONE if line in excluded else fast_line(evidence)
+    fast = NONE if at_port("line") in excluded else fast_line(evidence)
     drive_floor = None
-    if drive is not None and nominal is not None:
-        drive_floor = nominal.fit.left_out_kpa * drive.per_kpa_deg
-    elif drive is not None and beyond is not None:
-        drive_floor = beyond.pressure_kpa * drive.per_kpa_deg
+    if drive is not None and expected_kpa is not None:
+        drive_floor = expected_kpa * drive.per_kpa_deg
     verdict = decide(found, drive, fast, evidence, floor, drive_floor)
-    return Examined(data, everything, held, given, excluded, drive, found, verdict, floor, nominal)
+    return Examined(everything, held, given, excluded, drive, found, verdict, floor, nominal)
 
 
-def _known(earlier: Examined | None, drive: Drive | None) -> Mapping[Ids, Fitted]:
+def _known(earlier: Examined | None, pressure_kpa: Floats | None) -> Mapping[Ids, Fitted]:
     """Give the fits of an earlier search, where the same pressure drove them."""
     if earlier is None:
         return {}
-    one, other = (None if d is None else d.pressure_kpa for d in (earlier.drive, drive))
-    if one is None or other is None:
-        return earlier.found.fits if one is other else {}
-    return earlier.found.fits if np.array_equal(one, other) else {}
+    before = None if earlier.drive is None else earlier.drive.pressure_kpa
+    alike = before is pressure_kpa
+    if before is not None and pressure_kpa is not None:
+        alike = np.array_equal(before, pressure_kpa)
+    return earlier.found.fits if alike else {}

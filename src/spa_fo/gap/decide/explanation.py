@@ -26,24 +26,12 @@ _CARRIED = ("provenance", "sampling")  # keys of the plain model that hold of th
 
 @dataclass(frozen=True)
 class Explanation:
-    """A set of effects with its fits.
+    """A set of effects with its fits."""
 
-    Attributes
-    ----------
-    ids : tuple of str
-        All its effects, in the library's order; empty for none.
-    angle : Fitted
-        Of the angle.
-    drive : DriveFit or None
-        Of the pressure; None where the drive has no part of its own.
-    line : (float, float) or None
-        Frequency (Hz) and amplitude (deg) of an interference.
-    """
-
-    ids: Ids
-    angle: Fitted
-    drive: DriveFit | None
-    line: tuple[float, float] | None
+    ids: Ids  # all its effects, in the library's order; empty for none
+    angle: Fitted  # its fit of the angle
+    drive: DriveFit | None  # its fit of the pressure; None where the drive has no part of its own
+    line: tuple[float, float] | None  # frequency (Hz) and amplitude (deg) of an interference
 
     @property
     def x(self) -> Floats:
@@ -65,12 +53,11 @@ class Explanation:
         """Parameters of each effect by name, as model files hold them, within their bounds."""
         e = self.effects()
         values = {name: e[LIBRARY[name].slots].tolist() for name in self.ids}
-        zeros = at_port("zeros", self.ids)
+        zeros, line = at_port("zeros", self.ids), at_port("line", self.ids)
         if zeros:
             by_trial = self.angle.zeros_deg
             walk = float(np.polyfit(orders, by_trial, 1)[0]) if orders.size > 1 else 0.0
             values[zeros] = [walk, float(by_trial[0])]
-        line = at_port("line", self.ids)
         if line and self.line is not None:
             values[line] = [self.line[1], self.line[0]]
         found: dict[str, dict[str, Any]] = {
@@ -95,68 +82,42 @@ def angle_part(named: Ids, drive: DriveFit | None, fast: bool) -> Ids:
 
 
 def explanation_of(scored: Scored, angle: Fitted, drive: DriveFit | None) -> Explanation:
-    """Put an explanation together from its fits.
-
-    Parameters
-    ----------
-    scored : Scored
-        What the explanation is.
-    angle : Fitted
-        The fit of its effects beyond the drive.
-    drive : DriveFit or None
-        The fit of its drive effects, or None.
-    """
-    line = None
+    """Put an explanation together from fits of its effects beyond the drive, and of its drive."""
+    line = angle.line
     if scored.fast is not None:
         line = scored.fast.frequency_hz, scored.fast.amplitude_deg
-    elif angle.line is not None:
-        line = angle.line
     return Explanation(ordered(scored.named), angle, drive, line)
 
 
 def simulate(
     explanation: Explanation,
     evidence: Evidence,
-    without: Ids = (),
     given: Floats | None = None,
     law: Law | None = None,
 ) -> Floats:
-    """Angle (deg) at the averaged samples from the command, some effects left out.
+    """Angle (deg) at the averaged samples from the command.
 
     Parameters
     ----------
     explanation : Explanation
-        What is at work.
+        What is at work. The random phases of an interference are left out.
     evidence : Evidence
         The campaign.
-    without : tuple of str
-        Its effects to leave out.
     given : (5,) array, optional
         Coefficients instead of the explanation's: those before a shift of the parameters.
     law : Law, optional
         A free-form law beside its effects.
     """
-    e = explanation.effects()
-    for name in without:
-        e[LIBRARY[name].slots] = np.nan
-    x = explanation.x if given is None else given
-    zeros = at_port("zeros", explanation.ids)
-    e = _deterministic(e)
-    chain = angle_chain(evidence, x, None).mounted(mounting_of(evidence, e))
-    angle, _ = (chain if law is None else with_law(chain, law)).run(x, e)
-    if zeros and zeros not in without:
-        angle = angle + explanation.angle.zeros_deg[evidence.grid.sample_trial]
-    return angle
-
-
-def _deterministic(effects: Floats) -> Floats:
-    """Leave out what a simulation does not know: zeros of trials, and random phases."""
-    e = effects.copy()
-    for port in ("zeros", "line"):
-        name = at_port(port)
+    e, x = explanation.effects(), explanation.x if given is None else given
+    zeros, line = at_port("zeros"), at_port("line")
+    for name in (zeros, line):
         if name is not None:
             e[LIBRARY[name].slots] = np.nan
-    return e
+    chain = angle_chain(evidence, x, None).mounted(mounting_of(evidence, e))
+    angle, _ = (chain if law is None else with_law(chain, law)).run(x, e)
+    if zeros in explanation.ids:
+        angle = angle + explanation.angle.zeros_deg[evidence.grid.sample_trial]
+    return angle
 
 
 def mounting_of(evidence: Evidence, effects: Floats) -> Mounting:
@@ -172,17 +133,14 @@ def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) 
     """
     orders = evidence.grid.orders
     parameters = explanation.parameters(plain.transfer_function.as_array(), orders)
-    effects = []
-    for name in explanation.ids:
-        effect: dict[str, Any] = {
-            "id": name,
-            "stage": LIBRARY[name].stage,
-            "parameters": parameters[name],
-        }
-        if LIBRARY[name].port == "zeros":
+    effects: list[dict[str, Any]] = [
+        {"id": name, "stage": LIBRARY[name].stage, "parameters": parameters[name]}
+        for name in explanation.ids
+    ]
+    for effect in effects:
+        if LIBRARY[effect["id"]].port == "zeros":
             zeros = explanation.angle.zeros_deg.tolist()
             effect["zeros_deg"] = {str(o): z for o, z in zip(orders.tolist(), zeros, strict=True)}
-        effects.append(effect)
     mounting = mounting_of(evidence, explanation.effects())
     # Its coefficients are other ones: the uncertainty of the plain model's is not theirs.
     extra: dict[str, Any] = {key: plain.extra[key] for key in _CARRIED if key in plain.extra}

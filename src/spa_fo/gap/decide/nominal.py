@@ -23,7 +23,7 @@ from spa_fo.gap.search.drive import Drive, examine_drive
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.identify.nominal_fit import NominalFit, drive_logs, identify_drive
 from spa_fo.plant import Model
-from spa_fo.rig import CampaignData, Trial
+from spa_fo.rig import CampaignData
 
 Floats = NDArray[np.float64]
 
@@ -42,18 +42,10 @@ _AS_NOMINAL = (
 
 @dataclass(frozen=True)
 class Nominal:
-    """What stands for the command.
+    """What stands for the command."""
 
-    Attributes
-    ----------
-    fit : NominalFit
-        The drive, and what it misses.
-    spectrum : Spectrum
-        Of that, kPa².
-    """
-
-    fit: NominalFit
-    spectrum: Spectrum
+    fit: NominalFit  # the drive, and what it misses
+    spectrum: Spectrum  # of that, kPa²
 
     def sentences(self, departs: bool) -> tuple[str, ...]:
         """Say what it is, what it hides, and whether the drive departs from it."""
@@ -65,34 +57,27 @@ def with_nominal(
 ) -> tuple[Nominal, Drive | None, Evidence]:
     """Let the nominal drive stand for the command, or the measured pressure for both.
 
-    Parameters
-    ----------
-    data : CampaignData
-        Its command is no pressure.
-    everything, held
-        All its trials, and those that take no part.
-    excluded : sequence of str
-        Effects that the library is to lack.
-    x : (5,) array
-        Coefficients of the given model.
-
-    Returns
-    -------
-    tuple
-        The nominal drive; how the drive departs from it, and the campaign with its pressure as the
-        command. Where it does not, None, and the campaign without a command.
+    Returns the nominal drive, how the drive departs from it, and the campaign with its pressure as
+    the command; where it does not, None, and the campaign without a command. `x`, (5,), are the
+    given model's coefficients. `BadInput` where the command or the pressure never changes.
     """
-    taking_part = zip(everything.grid.trials, ~held.trials, strict=True)
-    nominal = nominal_of(data, [trial for trial, part in taking_part if part])
-    stand_in = collect(nominal.fit.drive.applied(data))
+    drive_logs(data)
+    trials = [t for t, out in zip(everything.grid.trials, held.trials, strict=True) if not out]
+    fit = identify_drive(trials)
+    left = [
+        misfit(trial.t_s, missed, fit.drive.at_rows(trial))
+        for trial, missed in zip(trials, fit.left, strict=True)
+    ]
+    nominal = Nominal(fit, estimate(left, _WHITE_KPA))
+    stand_in = collect(fit.drive.applied(data))
     fitted = replace(stand_in, takes_part=~held.trials)
     drive = examine_drive(fitted, excluded, x, nominal.spectrum)
-    if departs(drive, stand_in, held, nominal.fit.left_out_kpa):
+    if _departs(drive, stand_in, held, fit.left_out_kpa):
         return nominal, drive, stand_in
     return nominal, None, collect(driven_by_pressure(data))
 
 
-def departs(drive: Drive, evidence: Evidence, held: HeldOut, expected_kpa: float) -> bool:
+def _departs(drive: Drive, evidence: Evidence, held: HeldOut, expected_kpa: float) -> bool:
     """Say whether some effect is more probable than none, and closes enough on held-out trials."""
     in_kpa = replace(drive, gap_deg=drive.gap_kpa)
     weighed, fits, unknown = decide_drive(in_kpa, evidence, expected_kpa)
@@ -102,7 +87,7 @@ def departs(drive: Drive, evidence: Evidence, held: HeldOut, expected_kpa: float
         return False
     where = judged(evidence, held)
     before, after = (
-        float(np.mean(fits_of.residual_kpa[where] ** 2)) for fits_of in (drive.fits[()], fits[best])
+        float(np.mean(fit.residual_kpa[where] ** 2)) for fit in (drive.fits[()], fits[best])
     )
     return before > expected_kpa**2 and after <= (1.0 - SETTINGS.worth) * before
 
@@ -121,31 +106,8 @@ def driven_by_pressure(data: CampaignData) -> CampaignData:
     return replace(data, trials=tuple(replace(t, command_kpa=None) for t in data.trials))
 
 
-def nominal_of(data: CampaignData, trials: Sequence[Trial]) -> Nominal:
-    """Identify the nominal drive of a campaign on some of its trials.
-
-    Raises
-    ------
-    BadInput
-        The command or the pressure never changes.
-    """
-    drive_logs(data)
-    fit = identify_drive(trials)
-    left = [
-        misfit(trial.t_s, missed, fit.drive.at_rows(trial))
-        for trial, missed in zip(trials, fit.left, strict=True)
-    ]
-    return Nominal(fit, estimate(left, _WHITE_KPA))
-
-
 def check_driven(plain: Model, data: CampaignData) -> None:
-    """Refuse a model of the command where that is no pressure.
-
-    Raises
-    ------
-    BadInput
-        It is driven by the command.
-    """
+    """Refuse, with `BadInput`, a model of the command where that is no pressure."""
     if plain.signal == "command" and not data.campaign.command_is_pressure:
         raise BadInput(
             data.campaign.yaml,

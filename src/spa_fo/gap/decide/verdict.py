@@ -10,6 +10,7 @@ from spa_fo.gap.noise.interference import Line
 from spa_fo.gap.search.drive import DriveFit
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.effect import STAGES
 from spa_fo.plant.effects.library import LIBRARY
 
 Ids = tuple[str, ...]
@@ -18,59 +19,27 @@ Kind = Literal["no_gap", "cause", "ambiguous", "unknown"]
 
 @dataclass(frozen=True)
 class Scored:
-    """An explanation of drive and angle together.
+    """An explanation of drive and angle together."""
 
-    Attributes
-    ----------
-    named : tuple of str
-        Its effects that count.
-    probability : float
-        Of all that is considered, `unknown` among it.
-    angle : Fitted
-        Its fit of the angle, with effects too small to be named.
-    drive : DriveFit or None
-        Its fit of the pressure.
-    fast : Line or None
-        An interference that only single samples show.
-    moved_deg : dict
-        RMS by which each named effect moves the angle.
-    left_deg : float
-        What repeats and is not explained, RMS.
-    """
-
-    named: Ids
-    probability: float
-    angle: Fitted
-    drive: DriveFit | None
-    fast: Line | None
-    moved_deg: Mapping[str, float]
-    left_deg: float
+    named: Ids  # its effects that count
+    probability: float  # of all that is considered, `unknown` among it
+    angle: Fitted  # its fit of the angle, with effects too small to be named
+    drive: DriveFit | None  # its fit of the pressure
+    fast: Line | None  # an interference that only single samples show
+    moved_deg: Mapping[str, float]  # RMS by which each named effect moves the angle
+    left_deg: float  # what repeats and is not explained, RMS
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer.
-
-    Attributes
-    ----------
-    kind : {"no_gap", "cause", "ambiguous", "unknown"}
-        What sort of answer.
-    sets : tuple of tuples of str
-        Explanations that stand; with `unknown`, the part that is explained.
-    scored : tuple of Scored
-        Every explanation that came near, most probable first; none among them.
-    unknown, none : float
-        Probabilities that the library lacks the cause, and that there is no gap.
-    unknown_drive : float
-        Probability that what is unknown is the drive's.
-    """
+    """The answer."""
 
     kind: Kind
-    sets: tuple[Ids, ...]
-    scored: tuple[Scored, ...]
-    unknown: float
-    none: float
-    unknown_drive: float
+    sets: tuple[Ids, ...]  # explanations that stand; with `unknown`, the part that is explained
+    scored: tuple[Scored, ...]  # every one that came near, most probable first; none among them
+    unknown: float  # probability that the library lacks the cause
+    none: float  # probability that there is no gap
+    unknown_drive: float  # share of `unknown` that is the drive's
 
     def of(self, named: Ids) -> Scored:
         """Return the explanation of these effects."""
@@ -78,17 +47,7 @@ class Verdict:
 
 
 def judge(scored: Sequence[Scored], unknown: float, unknown_drive: float) -> Verdict:
-    """Turn probabilities into an answer.
-
-    Parameters
-    ----------
-    scored : sequence of Scored
-        All explanations, most probable first.
-    unknown : float
-        Probability that none of them is the cause.
-    unknown_drive : float
-        Share of it that is the drive's.
-    """
+    """Turn probabilities, the largest first, into an answer; see `Verdict` for the last two."""
     kind, standing = chosen([(one.named, one.probability) for one in scored], unknown)
     none = sum(one.probability for one in scored if not one.named)
     return Verdict(kind, standing, tuple(scored), unknown, none, unknown_drive)
@@ -105,14 +64,15 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
         Probability that none of them is the cause.
     """
     s = SETTINGS
-    named = [(ids, probability) for ids, probability in scored if ids]
     none = sum(probability for ids, probability in scored if not ids)
-    total = sum(probability for _, probability in named)
+    total = sum(probability for ids, probability in scored if ids)
     if none >= total + unknown:
         return "no_gap", ()
     standing: list[Ids] = []
     held = 0.0
-    for ids, probability in named:
+    for ids, probability in scored:
+        if not ids:
+            continue
         if standing and (held >= s.covered * total or probability < s.least * total):
             break
         standing.append(ids)
@@ -124,11 +84,11 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
 
 def stage_shares(verdict: Verdict) -> dict[str, float]:
     """Share of the explained squared gap by stage, over all explanations by probability."""
-    shares = {"drive": 0.0, "actuator": 0.0, "sensor": 0.0, "acquisition": 0.0}
+    shares = dict.fromkeys(STAGES, 0.0)
     for one in verdict.scored:
         squares = {name: size**2 for name, size in one.moved_deg.items()}
-        total = max(sum(squares.values()), 1e-30)
+        whole = max(sum(squares.values()), 1e-30)
         for name, square in squares.items():
-            shares[LIBRARY[name].stage] += one.probability * square / total
+            shares[LIBRARY[name].stage] += one.probability * square / whole
     total = sum(shares.values())
     return {stage: share / total if total > 0.0 else 0.0 for stage, share in shares.items()}

@@ -13,12 +13,14 @@ the plain model, or what repeats being too small to matter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp
 
 from spa_fo.gap.data.evidence import Evidence, modelled_pressure
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
@@ -80,11 +82,50 @@ def _weighed(
     return right, np.where(small, -np.inf, unknown)
 
 
+def _part(
+    fit: Fitted | DriveFit,
+    logs: Floats,
+    moved: Mapping[str, float],
+    apart: Callable[[Ids], float],
+    all_deg: float,
+    gap_deg: float,
+    left_deg: float,
+    floor_deg: float,
+    repeats: bool = True,
+) -> _Part | None:
+    """Weigh one fit by what it is named for; None where another is worth as much without it.
+
+    `apart` says by how much the fit of some of its effects alone differs, deg: infinite where there
+    is none. An effect is named where it moves the angle, and where the others do not do as well
+    without it, against `all_deg`, what all of them do.
+    """
+    s, ids, named = SETTINGS, fit.ids, _that_move(moved, floor_deg)
+    if len(ids) > 1:
+        least = max(s.needed * floor_deg, s.needed_of_all * all_deg)
+        named = tuple(n for n in named if apart(tuple(m for m in ids if m != n)) >= least)
+    if ids and not named:
+        return None
+    # What moves too little to be named makes up for the form of what is: it has no price
+    # beforehand, and is missed by that form.
+    priced, helped = named, 0.0 if named == ids else apart(named)
+    if not np.isfinite(helped):
+        priced, helped = ids, 0.0
+    missed = _missed(gap_deg, max(left_deg, helped))
+    right, unknown = _weighed(priced, logs, missed, floor_deg, repeats)
+    left = float(missed[int(np.argmax(logs))])
+    return _Part(named, right, unknown, fit, {n: moved[n] for n in named}, left, missed)
+
+
+def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
+    s = SETTINGS
+    least = max(s.moves * floor_deg, s.moves_of_largest * max(moved.values(), default=0.0))
+    return tuple(n for n in moved if moved[n] >= least)
+
+
 def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
-    s, gap_deg = SETTINGS, found.bench.gap_deg
-    repeats = found.bench.noise.spectrum.repeats > 0
-    weight = found.bench.evidence.grid.counts
-    parts = []
+    s, bench = SETTINGS, found.bench
+    repeats, weight = bench.noise.spectrum.repeats > 0, bench.evidence.grid.counts
+    parts: list[_Part | None] = []
 
     def apart(one: Fitted, other: Ids) -> float:
         if other not in found.fits or at_port("line", one.ids) != at_port("line", other):
@@ -99,77 +140,40 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
             beyond = s.temper * float(f.logs.max()) + _stands_in()
             parts.append(_Part(ids, -np.inf, np.array([beyond]), f, {}, 0.0, _missed(0.0, 0.0)))
             continue
-        named = _that_move(f.moved_deg, floor_deg)
-        if len(ids) > 1:
-            least = max(s.needed * floor_deg, s.needed_of_all * min(apart(f, ()), 1e6))
-            named = tuple(n for n in named if apart(f, tuple(m for m in ids if m != n)) >= least)
-        if ids and not named:
-            continue  # what it is worth is worth as much without it
-        logs = f.logs - price(f)
-        alone, helped = _helped(ids, named, apart(f, named))
-        missed = _missed(gap_deg, max(f.left_deg, helped))
-        right, unknown = _weighed(alone, logs, missed, floor_deg, repeats)
-        left = float(missed[int(np.argmax(logs))])
-        if f.trend_deg > s.no_gap * floor_deg:
+        logs, own = f.logs - price(f), partial(apart, f)
+        sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg
+        part = _part(f, logs, f.moved_deg, own, *sizes, repeats)
+        if part is not None and f.trend_deg > s.no_gap * floor_deg:
             # What goes with the trials' order is structure that is left, too.
             beside = s.temper * (float(logs.max()) + f.trend_nats) + _stands_in()
-            unknown = np.append(unknown, beside + np.log(s.unknown * s.trend))
-            left = float(np.hypot(left, f.trend_deg))
-        moved = {n: f.moved_deg[n] for n in named}
-        parts.append(_Part(named, right, unknown, f, moved, left, missed))
-    return parts
+            unknown = np.append(part.unknown, beside + np.log(s.unknown * s.trend))
+            left = float(np.hypot(part.left_deg, f.trend_deg))
+            part = replace(part, unknown=unknown, left_deg=left)
+        parts.append(part)
+    return [part for part in parts if part is not None]
 
 
-def _of_drive(drive: Drive | None, evidence: Evidence, floor_deg: float) -> list[_Part]:
-    if drive is None:
-        return []
+def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]:
     gap_deg, per_kpa_deg = drive.gap_deg, drive.per_kpa_deg
-    s, parts = SETTINGS, []
 
-    def apart(one: DriveFit, other: Floats) -> float:
-        return per_kpa_deg * float(np.sqrt(np.mean((one.predicted_kpa - other) ** 2)))
+    def moved(one: DriveFit, kpa: Floats) -> float:
+        return per_kpa_deg * float(np.sqrt(np.mean((one.predicted_kpa - kpa) ** 2)))
 
-    for ids, f in drive.fits.items():
-        moved = {}
-        for name in ids:
-            less = f.effects.copy()
-            less[LIBRARY[name].slots] = np.nan
-            cells = modelled_pressure(evidence, less)
-            grid = evidence.grid
-            moved[name] = apart(f, grid.sampled(cells))
-        named = _that_move(moved, floor_deg)
-        if len(ids) > 1:
-            least = max(s.needed * floor_deg, s.needed_of_all * gap_deg)
-            others = {n: tuple(m for m in ids if m != n) for n in ids}
-            named = tuple(
-                n for n in named if apart(f, drive.fits[others[n]].predicted_kpa) >= least
-            )
-        if ids and not named:
-            continue
-        by = apart(f, drive.fits[named].predicted_kpa) if named in drive.fits else np.inf
-        alone, helped = _helped(ids, named, by)
-        missed = _missed(gap_deg, max(per_kpa_deg * f.left_kpa, helped))
-        right, unknown = _weighed(alone, f.evidence, missed, floor_deg)
-        left = float(missed[int(np.argmax(f.evidence))])
-        moving = {n: moved[n] for n in named}
-        parts.append(_Part(named, right, unknown, f, moving, left, missed))
-    return parts
+    def apart(one: DriveFit, other: Ids) -> float:
+        known = drive.fits.get(other)
+        return float("inf") if known is None else moved(one, known.predicted_kpa)
 
+    def without(one: DriveFit, name: str) -> Floats:
+        less = one.effects.copy()
+        less[LIBRARY[name].slots] = np.nan
+        return evidence.grid.sampled(modelled_pressure(evidence, less))
 
-def _helped(ids: Ids, named: Ids, apart_deg: float) -> tuple[Ids, float]:
-    """Say which effects have a price beforehand, and what the others do for them, deg.
-
-    What moves too little to be named makes up for the form of what is: it is missed by that form.
-    """
-    if named == ids or not np.isfinite(apart_deg):
-        return ids, 0.0
-    return named, apart_deg
-
-
-def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
-    s = SETTINGS
-    least = max(s.moves * floor_deg, s.moves_of_largest * max(moved.values(), default=0.0))
-    return tuple(n for n in moved if moved[n] >= least)
+    parts = []
+    for f in drive.fits.values():
+        by_name = {name: moved(f, without(f, name)) for name in f.ids}
+        sizes = gap_deg, gap_deg, per_kpa_deg * f.left_kpa, floor_deg
+        parts.append(_part(f, f.evidence, by_name, partial(apart, f), *sizes))
+    return [part for part in parts if part is not None]
 
 
 def _normalised(
@@ -185,8 +189,8 @@ def _normalised(
         right, stands_in = part.right, part.unknown
         if not part.named:
             # What repeats may be too small to be a gap.
-            negligible = part.missed < SETTINGS.no_gap * floor_deg
-            small = np.append(negligible, np.zeros(stands_in.size - negligible.size, dtype=bool))
+            small = np.zeros(stands_in.size, dtype=bool)
+            small[: part.missed.size] = part.missed < SETTINGS.no_gap * floor_deg
             right = float(logsumexp([right, *stands_in[small]]))
             stands_in = np.where(small, -np.inf, stands_in)
         unknown.append(float(logsumexp(stands_in)))
@@ -197,9 +201,8 @@ def _normalised(
             best[part.named], scores[part.named] = part, right
     # What stands in for an unknown effect is no hypothesis of its own: the best is enough.
     all_logs = np.array([*scores.values(), max(unknown)])
-    weights = np.exp(all_logs - all_logs.max())
-    weights /= weights.sum()
-    return dict(zip(scores, weights.tolist(), strict=False)), best, float(weights[-1])
+    weights = np.exp(all_logs - logsumexp(all_logs)).tolist()
+    return dict(zip(scores, weights, strict=False)), best, weights[-1]
 
 
 def decide(
@@ -235,27 +238,20 @@ def decide(
         least_deg = _BOTH * drive_floor_deg
     angle, of_angle, unknown_angle = _normalised(_of_angle(found, floor_deg), floor_deg)
     pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, drive_floor_deg, least_deg)
-    lined = _of_line(fast, found, floor_deg)
+    lined = _of_line(fast, floor_deg)
     certain = (1.0 - unknown_angle) * (1.0 - unknown_drive)
-    joint: dict[Ids, float] = {}
-    made: dict[Ids, tuple[float, Scored]] = {}
     total = sum(angle.values()) * sum(pressed.values())
-    for a, x in angle.items():
-        for d, y in pressed.items():
-            for line, z in lined.items():
-                named = ordered((*a, *d, *line))
-                p = certain * x * y * z / total
-                joint[named] = joint.get(named, 0.0) + p
-                if named not in made or p > made[named][0]:
-                    one = _scored(named, of_angle[a], of_drive.get(d), fast if line else None)
-                    made[named] = p, one
-    scored = sorted(
-        (Scored(**{**vars(one), "probability": joint[named]}) for named, (_, one) in made.items()),
-        key=lambda s: -s.probability,
-    )
-    unknown = 1.0 - certain
+    joint: dict[Ids, float] = {}
+    made: dict[Ids, Scored] = {}  # of the most probable way to each
+    for (a, x), (d, y), (line, z) in product(angle.items(), pressed.items(), lined.items()):
+        named, p = ordered((*a, *d, *line)), certain * x * y * z / total
+        joint[named] = joint.get(named, 0.0) + p
+        if named not in made or p > made[named].probability:
+            made[named] = _scored(named, p, of_angle[a], of_drive.get(d), fast if line else None)
+    scored = [replace(one, probability=joint[named]) for named, one in made.items()]
+    scored.sort(key=lambda s: -s.probability)
     share = unknown_drive / max(unknown_drive + unknown_angle, 1e-12)
-    return judge(scored, unknown, share)
+    return judge(scored, 1.0 - certain, share)
 
 
 def decide_drive(
@@ -287,34 +283,32 @@ def _weighed_drive(
     drive: Drive | None, evidence: Evidence, floor_deg: float, least_deg: float
 ) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
     """Weigh the explanations of the pressure; a gap below `least_deg` is none."""
-    gap_deg = 0.0 if drive is None else drive.gap_deg
-    parts = _of_drive(drive, evidence, floor_deg)
-    if gap_deg < least_deg:
-        parts = [p for p in parts if not p.named]
-        parts = [_Part((), p.right, np.full(_SHARES.size, -np.inf), *_rest(p)) for p in parts]
+    parts = [] if drive is None else _of_drive(drive, evidence, floor_deg)
+    if drive is not None and drive.gap_deg < least_deg:
+        none = np.full(_SHARES.size, -np.inf)
+        parts = [replace(part, unknown=none) for part in parts if not part.named]
     return _normalised(parts, floor_deg)
 
 
-def _rest(part: _Part) -> tuple[Fitted | DriveFit, Mapping[str, float], float, Floats]:
-    return part.fit, part.moved_deg, part.left_deg, part.missed
-
-
-def _scored(named: Ids, angle: _Part, drive: _Part | None, fast: Line | None) -> Scored:
-    moved = {**angle.moved_deg, **({} if drive is None else drive.moved_deg)}
-    if fast is not None:
-        line = at_port("line")
-        assert line is not None
-        moved[line] = fast.amplitude_deg / float(np.sqrt(2.0))
-    assert isinstance(angle.fit, Fitted)
+def _scored(
+    named: Ids, probability: float, angle: _Part, drive: _Part | None, fast: Line | None
+) -> Scored:
+    """Put the parts of an explanation together."""
+    moved, left = dict(angle.moved_deg), angle.left_deg
     pressure = None
     if drive is not None:
         assert isinstance(drive.fit, DriveFit)
         pressure = drive.fit
-    left = angle.left_deg if drive is None else float(np.hypot(angle.left_deg, drive.left_deg))
-    return Scored(named, 0.0, angle.fit, pressure, fast, moved, left)
+        moved |= drive.moved_deg
+        left = float(np.hypot(left, drive.left_deg))
+    line = at_port("line")
+    if fast is not None and line is not None:
+        moved[line] = fast.amplitude_deg / float(np.sqrt(2.0))
+    assert isinstance(angle.fit, Fitted)
+    return Scored(named, probability, angle.fit, pressure, fast, moved, left)
 
 
-def _of_line(fast: Line, found: Explanations, floor_deg: float) -> dict[Ids, float]:
+def _of_line(fast: Line, floor_deg: float) -> dict[Ids, float]:
     """Probabilities that a fast interference is there, and that it is not."""
     rms = fast.amplitude_deg / float(np.sqrt(2.0))
     # The floor holds the interference too.
@@ -323,5 +317,5 @@ def _of_line(fast: Line, found: Explanations, floor_deg: float) -> dict[Ids, flo
     if name is None or fast.gain <= 0.0 or rms < SETTINGS.moves * quiet:
         return {(): 1.0}
     log_odds = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
-    there = float(1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))))
+    there = float(expit(np.clip(log_odds, -50.0, 50.0)))
     return {(): 1.0 - there, (name,): there}

@@ -36,40 +36,18 @@ _MOST_LEVEL = 2.0  # against what a reference says, or repeats: what is beyond i
 
 @dataclass(frozen=True)
 class Bench:
-    """A campaign ready to be explained.
-
-    Attributes
-    ----------
-    evidence : Evidence
-        The campaign.
-    noise : BenchNoise
-        What repeated trials differ by.
-    whitening : Whitening
-        Of the rows of the trials that take part.
-    chain : Chain
-        The simulator.
-    scales : (6,) array
-        Typical standard deviations of the groups of nuisances.
-    given, centre : (5,) arrays
-        The given model's searched coefficients, and those that are most plausible.
-    coefficients : Coefficients
-        What is known of them.
-    own : bool
-        Whether the given model was fitted to this very campaign: its coefficients have bent.
-    line : float or None
-        Frequency of an interference that the rows show, Hz.
-    """
+    """A campaign ready to be explained."""
 
     evidence: Evidence
-    noise: BenchNoise
-    whitening: Whitening
-    chain: Chain
-    scales: Floats
-    given: Floats
-    centre: Floats
-    coefficients: Coefficients
-    own: bool
-    line: float | None = None
+    noise: BenchNoise  # what repeated trials differ by
+    whitening: Whitening  # of the rows of the trials that take part
+    chain: Chain  # the simulator
+    scales: Floats  # (6,), typical standard deviations of the groups of nuisances
+    given: Floats  # (5,), searched coefficients of the given model
+    centre: Floats  # (5,), those that are most plausible
+    coefficients: Coefficients  # what is known of them
+    own: bool  # whether the given model was fitted to this very campaign: it has bent with it
+    line: float | None = None  # frequency of an interference that the rows show, Hz
 
     @property
     def starts(self) -> list[Floats]:
@@ -81,10 +59,17 @@ class Bench:
         return replace(self, coefficients=self.coefficients.about(self.centre))
 
     def with_gap(self, residual_deg: Floats, predicted_deg: Floats) -> Bench:
-        """Say how large the gap is at each row, by what a plain model leaves, (n,) arrays."""
-        rows = self.whitening.rows
-        size = _gap_size(rows, self.noise, rows.merged(residual_deg), rows.merged(predicted_deg))
-        return replace(self, whitening=Whitening(rows, self.noise.spectrum, size))
+        """Say how large the gap is at each row, by what a plain model leaves, (n,) arrays.
+
+        What noise and scatter make of it is taken off.
+        """
+        rows, spectrum, scatter = self.whitening.rows, self.noise.spectrum, self.noise.scatter
+        expected = (scatter.gain * rows.merged(predicted_deg)) ** 2
+        expected += spectrum.coloured.sum() + scatter.rest_deg**2
+        for group in rows.groups:
+            expected[group.rows] += spectrum.white / group.count
+        size = local_size(rows, rows.merged(residual_deg) ** 2 - expected)
+        return replace(self, whitening=Whitening(rows, spectrum, size))
 
     def without(self, trials: NDArray[np.bool_]) -> Bench:
         """Return the bench of all trials but some, (trials,) bool."""
@@ -99,8 +84,8 @@ class Bench:
         return float(np.sqrt(np.mean(self.whitening.gap**2)))
 
 
-def rows_of(evidence: Evidence, fixed: Floats | None = None, most: int = _MOST_ROWS) -> Rows:
-    """Lay out the rows of the trials that take part; `fixed` is their known variance."""
+def rows_of(evidence: Evidence, fixed: Floats | None = None) -> Rows:
+    """Lay out the rows of the trials that take part; `fixed`, (n,), is their known variance."""
     grid = evidence.grid
     if fixed is None:
         fixed = evidence.variance - evidence.noise_deg**2 / grid.counts
@@ -108,9 +93,8 @@ def rows_of(evidence: Evidence, fixed: Floats | None = None, most: int = _MOST_R
     for trial in np.flatnonzero(evidence.takes_part).tolist():
         groups.setdefault(int(evidence.alike[trial]), []).append(evidence.rows[trial])
     width = np.asarray(STEPS_S[grid.level[grid.sample_step]], dtype=np.float64)
-    return lay_rows(
-        list(groups.values()), grid.time_s, width, grid.counts, fixed, grid.sample_trial, most
-    )
+    samples = grid.time_s, width, grid.counts, fixed, grid.sample_trial
+    return lay_rows(list(groups.values()), *samples, _MOST_ROWS)
 
 
 def bench_for(
@@ -135,14 +119,14 @@ def bench_for(
     beyond : Beyond, optional
         What is to be expected beside the bench's own noise.
     """
-    noise = bench_noise(evidence, given, beyond)
-    rows = rows_of(evidence)
-    horizon = _horizon_s(evidence)
+    noise, rows, grid = bench_noise(evidence, given, beyond), rows_of(evidence), evidence.grid
+    # Half a trial is about as long as its first step.
+    horizon = 0.5 * float(np.median([np.ptp(grid.time_s[own_rows]) for own_rows in evidence.rows]))
     if own:
         coefficients = usual(given, horizon)
         centre = coefficients.mean
     else:
-        angle = float(np.sqrt(np.mean(evidence.grid.angle_deg**2)))
+        angle = float(np.sqrt(np.mean(grid.angle_deg**2)))
         centre, coefficients = identified(given, noise, horizon, angle)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg
@@ -160,24 +144,9 @@ def bench_for(
     )
 
 
-def _horizon_s(evidence: Evidence) -> float:
-    """Half a trial: about as long as its first step."""
-    time = evidence.grid.time_s
-    return 0.5 * float(np.median([np.ptp(time[rows]) for rows in evidence.rows]))
-
-
 def plain_deg(bench: Bench) -> Floats:
     """Angle of the plain model with the most plausible coefficients, (n,), deg."""
     return bench.chain.run(to_x(bench.centre), absent())[0]
-
-
-def _gap_size(rows: Rows, noise: BenchNoise, left: Floats, predicted: Floats) -> Floats:
-    """Size of the gap at each row, deg; what noise and scatter make of it taken off."""
-    spectrum, scatter = noise.spectrum, noise.scatter
-    expected = spectrum.coloured.sum() + scatter.rest_deg**2 + (scatter.gain * predicted) ** 2
-    for group in rows.groups:
-        expected[group.rows] += spectrum.white / group.count
-    return local_size(rows, left**2 - expected)
 
 
 def local_size(rows: Rows, squares: Floats) -> Floats:

@@ -33,66 +33,42 @@ _SAMPLES = 400
 
 @dataclass(frozen=True)
 class KnownResponse:
-    """The step response of a model that was identified elsewhere, as an observation.
+    """The step response of a model that was identified elsewhere, as an observation."""
 
-    Attributes
-    ----------
-    values : (k,) array
-        The response, of its final value.
-    gain : float
-        That final value.
-    root : (k, k) array
-        Cholesky factor, lower, of the covariance of its error.
-    """
-
-    values: Floats
-    gain: float
-    root: Floats
+    values: Floats  # (k,), of its final value
+    gain: float  # that final value
+    root: Floats  # (k, k), Cholesky factor, lower, of the covariance of its error
 
     @property
     def log_noise(self) -> float:
         """Logarithm of the determinant of that covariance."""
         return 2.0 * float(np.sum(np.log(np.diag(self.root))))
 
-    def of(self, z: Floats) -> Floats:
-        """Response of searched coefficients, as `values`."""
-        return np.asarray(step_response(_TIMES_S, *to_x(z[:5])) / self.gain)
-
     def left(self, z: Floats) -> Floats:
-        """Give what coefficients leave of it, whitened, (k,)."""
-        return np.asarray(solve_triangular(self.root, self.values - self.of(z), lower=True))
+        """Give what searched coefficients leave of it, whitened, (k,)."""
+        left = self.values - step_response(_TIMES_S, *to_x(z[:5])) / self.gain
+        return np.asarray(solve_triangular(self.root, left, lower=True))
 
     def slopes(self, z: Floats) -> Floats:
         """Slopes of the response over the searched coefficients, whitened, (k, 5)."""
-        return np.asarray(solve_triangular(self.root, self._bare_slopes(z), lower=True))
-
-    def _bare_slopes(self, z: Floats) -> Floats:
         steps = _SLOPE_STEP * np.eye(5)
-        apart = [self.of(z[:5] + d) - self.of(z[:5] - d) for d in steps]
+        apart = [self.left(z[:5] - d) - self.left(z[:5] + d) for d in steps]
         return np.column_stack(apart) / (2.0 * _SLOPE_STEP)
 
     def wider(self, z: Floats, spread: Floats) -> KnownResponse:
         """Return it as it is known where coefficients near `z` have moved since, by (5, 5)."""
-        slopes = self._bare_slopes(z)
+        slopes = self.root @ self.slopes(z)
         covariance = self.root @ self.root.T + slopes @ spread @ slopes.T
         return replace(self, root=np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
 
 
 @dataclass(frozen=True)
 class Coefficients:
-    """What is known of the searched coefficients.
+    """What is known of the searched coefficients: a usual actuator, and a model's response."""
 
-    Attributes
-    ----------
-    mean, spread : (5,), (5, 5) arrays
-        Prior mean and covariance: a usual actuator as fast and as strong as the given model.
-    response : KnownResponse or None
-        None where the given model was fitted to this very campaign: it has bent with it.
-    """
-
-    mean: Floats
-    spread: Floats
-    response: KnownResponse | None = None
+    mean: Floats  # (5,), of a usual actuator as fast and as strong as the given model
+    spread: Floats  # (5, 5), covariance
+    response: KnownResponse | None = None  # None of a model fitted to this very campaign: it bent
 
     def about(self, z: Floats) -> Coefficients:
         """Return what is known as if the valley about `z` were straight, and they had shifted."""
@@ -108,21 +84,6 @@ class Coefficients:
             return self
         shift = _shift(z)
         return Coefficients(self.mean, self.spread + shift, self.response.wider(z, shift))
-
-    def likeliest(self, starts: list[Floats]) -> Floats:
-        """Search for the most probable ones, (5,), from the best of some points."""
-        root = np.linalg.cholesky(self.spread)
-
-        def left(z: Floats) -> Floats:
-            away = solve_triangular(root, z - self.mean, lower=True)
-            return away if self.response is None else np.append(self.response.left(z), away)
-
-        inside = LOWEST + 1e-2, HIGHEST - 5e-3
-        found = [
-            least_squares(left, np.clip(start, *inside), bounds=(LOWEST, HIGHEST))
-            for start in starts
-        ]
-        return np.asarray(min(found, key=lambda f: float(f.cost)).x)
 
 
 def _shift(z: Floats) -> Floats:
@@ -156,9 +117,20 @@ def identified(
     read = (noise.fixture_deg or 0.0) / angle_deg
     error = float(np.hypot(SETTINGS.response_error, read))
     values = step_response(_TIMES_S, *given) / gain
-    known = KnownResponse(values, gain, error * np.eye(values.size))
-    before = replace(usual(given, horizon_s), response=known)
-    z = before.likeliest([before.mean, to_z(given)])
+    known, before = (
+        KnownResponse(values, gain, error * np.eye(values.size)),
+        usual(given, horizon_s),
+    )
+    root, inside = np.linalg.cholesky(before.spread), (LOWEST + 1e-2, HIGHEST - 5e-3)
+
+    def left(z: Floats) -> Floats:
+        return np.append(known.left(z), solve_triangular(root, z - before.mean, lower=True))
+
+    found = [
+        least_squares(left, np.clip(start, *inside), bounds=(LOWEST, HIGHEST))
+        for start in (before.mean, to_z(given))
+    ]
+    z = np.asarray(min(found, key=lambda f: float(f.cost)).x)
     quicker = np.array([0.0, 0.0, z[0] * (1.0 - z[1]), z[0], 0.0])
     scatter, trials = noise.scatter, SETTINGS.model_trials
     moved = scatter.time_scale**2 / trials * np.outer(quicker, quicker)
@@ -167,22 +139,10 @@ def identified(
 
 
 def typical(given: Floats, horizon_s: float) -> Floats:
-    """Give the paper's actuators, as fast and as strong as a given model.
+    """Give coefficients, (5,), of the paper's actuators as fast and as strong as a given model.
 
     A model that was fitted to a gap has bent with it: its damping may have vanished, or its
-    inertia, and with it what tells the search the way back.
-
-    Parameters
-    ----------
-    given : (5,) array
-        Coefficients of the model.
-    horizon_s : float
-        Length of the steps that it was fitted to, s.
-
-    Returns
-    -------
-    (5,) array
-        Coefficients; of both actuators of Table I the mean.
+    inertia, and with it what tells the search the way back. It was fitted to steps of `horizon_s`.
     """
     mean = np.mean([x.as_array() for x in TABLE_I.values()], axis=0)
     rise = np.log(_rise_s(given, horizon_s))
@@ -192,10 +152,9 @@ def typical(given: Floats, horizon_s: float) -> Floats:
 
     ends = np.log(_SLOWEST), np.log(_FASTEST)
     signs = [later(end) for end in ends]
+    log_rate = float(ends[int(np.argmin(np.abs(signs)))])
     if signs[0] * signs[1] < 0.0:
         log_rate = float(brentq(later, *ends, xtol=1e-3))
-    else:
-        log_rate = float(ends[int(np.argmin(np.abs(signs)))])
     x = at_rate(mean, float(np.exp(log_rate)))
     end = np.array([horizon_s])
     x[4] *= float(step_response(end, *given)[0] / step_response(end, *x)[0])

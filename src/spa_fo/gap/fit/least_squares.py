@@ -9,24 +9,30 @@ variances Γ at their most probable; bounds change it where they cut a prior or 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg import block_diag, cho_solve, solve_triangular
 from scipy.special import erfcx, log_ndtr
 
-from spa_fo.gap.data.searched import Slot
+from spa_fo.gap.data.searched import HIGHEST, LOWEST, Slot
+from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.fit.minimise import Minimum, Quadratic, free_of, minimise
 from spa_fo.gap.fit.mixed import Normal, Prior, Solution, solve
-from spa_fo.gap.noise.whitening import Factor
+from spa_fo.gap.noise.whitening import Factor, Whitening
+from spa_fo.plant.effects.library import LIBRARY, absent
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Made = TypeVar("Made")
 
+_COEFFICIENT_STEP = 1e-4
 _SLOPE_STEP = 5e-4
 _BEND = 0.1  # of a step, for the second derivative along it
+_REMEMBERED = 64  # simulations of a problem
 
 
 @dataclass(frozen=True)
@@ -42,72 +48,105 @@ class Linear:
 class Explained(ABC):
     """What is searched of an explanation, and what its rows say.
 
+    `group` and `variance` are those of the nuisances, as a `Prior` has them. `measured` stands at
+    all rows: those of `whitening`, and further ones whose errors are `sigma`, 1 sigma.
+
     Parameters
     ----------
     slots : sequence of Slot
         The effects' parameters.
-    centre, spread : arrays
-        Prior of the parameters searched before them: mean (k,), covariance (k, k).
-    low, high : (k,) arrays
-        Their bounds.
     scales : array
         Typical standard deviations of the groups of nuisances.
-    log_noise : float
-        Logarithm of the determinant of the noise beyond the whitening's.
+    known : Coefficients, optional
+        What is known of coefficients that are searched before them; its response, whitened, stands
+        at the last rows.
     """
 
     group: Integers
     variance: Floats
+    measured: Floats
+    whitening: Whitening
+    sigma: Floats
 
     def __init__(
-        self,
-        slots: Sequence[Slot],
-        centre: Floats,
-        spread: Floats,
-        low: Floats,
-        high: Floats,
-        scales: Floats,
-        log_noise: float = 0.0,
+        self, slots: Sequence[Slot], scales: Floats, known: Coefficients | None = None
     ) -> None:
-        self.slots, self.scales, self.log_noise = list(slots), scales, log_noise
-        self.most = np.full(scales.size, np.inf)
-        self.free = k = centre.size
-        p = k + len(self.slots)
-        self.parameters = p
-        self.centre = np.concatenate([centre, [s.centre for s in self.slots]])
+        self.slots, self.scales, self.most = list(slots), scales, np.full(scales.size, np.inf)
+        mean, spread, self.response = np.zeros(0), np.zeros((0, 0)), None
+        if known is not None:
+            mean, spread, self.response = known.mean, known.spread, known.response
+        self.free, self.parameters = mean.size, mean.size + len(self.slots)
         self.sd = np.array([s.parameter.spread for s in self.slots])
-        covariance = np.zeros((p, p))
-        covariance[:k, :k] = spread
-        covariance[np.arange(k, p), np.arange(k, p)] = self.sd**2
+        covariance = block_diag(spread, np.diag(self.sd**2))
         self.root = np.linalg.cholesky(covariance)
-        self.precision = cho_solve((self.root, True), np.eye(p))
-        self.low = np.concatenate([low, [s.limits[0] for s in self.slots]])
-        self.high = np.concatenate([high, [s.limits[1] for s in self.slots]])
+        self.precision = cho_solve((self.root, True), np.eye(self.parameters))
+        self.centre = np.append(mean, [s.centre for s in self.slots])
+        self.low = np.append(LOWEST[: self.free], [s.limits[0] for s in self.slots])
+        self.high = np.append(HIGHEST[: self.free], [s.limits[1] for s in self.slots])
+        self._known: dict[tuple[str, bytes], Any] = {}
 
     @abstractmethod
-    def left(self, z: Floats) -> Floats:
-        """Measured less predicted, (rows,)."""
-
-    @abstractmethod
-    def slopes(self, z: Floats) -> Floats:
-        """Slopes of the prediction over the searched parameters, (rows, parameters)."""
+    def at_rows(self, z: Floats) -> Floats:
+        """Predict what is measured, (rows,); of the response 0."""
 
     @abstractmethod
     def columns(self, z: Floats) -> Floats:
         """Columns of the nuisances about a point, (rows, size)."""
 
-    @abstractmethod
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten what stands at all rows."""
+        n = self.whitening.rows.size
+        rest = (values[n:].T / self.sigma).T
+        return np.concatenate([self.whitening.white(factor, values[:n]), rest])
+
+    def effects(self, z: Floats) -> Floats:
+        """Parameters of all effects, NaN where absent."""
+        e = absent()
+        for slot, value in zip(self.slots, z[self.free :].tolist(), strict=True):
+            if slot.place >= 0:
+                e[slot.place] = slot.value(value)
+        return e
+
+    def left(self, z: Floats) -> Floats:
+        """Measured less predicted, (rows,)."""
+        left = self.measured - self.at_rows(z)
+        if self.response is not None:
+            left[-self.response.values.size :] = self.response.left(z)
+        return left
+
+    def slopes(self, z: Floats) -> Floats:
+        """Slopes of the prediction over the searched parameters, (rows, parameters)."""
+        return self.once("slopes", z, lambda: self._slopes(z))
+
+    def _slopes(self, z: Floats) -> Floats:
+        here, steps = self.at_rows(z), self._slope_steps(z)
+        moved = [(self.at_rows(z + d) - here) / d.sum() for d in np.diag(steps)]
+        slopes = np.column_stack(moved)
+        if self.response is not None:
+            known = slice(-self.response.values.size, None)
+            slopes[known, : self.free] = self.response.slopes(z)
+        return slopes
+
+    def _slope_steps(self, z: Floats) -> Floats:
+        """How far each parameter is moved for a slope."""
+        own, high = z[self.free :], self.high[self.free :]
+        steps = _SLOPE_STEP * np.minimum(self.sd, 0.3 * np.maximum(np.abs(own), 0.3))
+        steps *= np.where(own + steps <= high, 1.0, -1.0)
+        return np.append(np.full(self.free, _COEFFICIENT_STEP), steps)
+
+    def once(self, what: str, of: Floats, make: Callable[[], Made]) -> Made:
+        """Make what depends on some numbers alone once, while they are among the last."""
+        key = what, of.tobytes()
+        if key not in self._known:
+            if len(self._known) >= _REMEMBERED:
+                self._known.clear()
+            self._known[key] = make()
+        found: Made = self._known[key]
+        return found
 
     def linear(self, z: Floats) -> Linear:
         """Make the problem linear about a point."""
         return Linear(z, self.left(z), self.slopes(z), self.columns(z))
-
-    def slope_step(self, z: Floats, k: int) -> float:
-        """How far an effect's parameter is moved for a slope."""
-        step = _SLOPE_STEP * min(self.sd[k - self.free], 0.3 * max(abs(z[k]), 0.3))
-        return float(step if z[k] + step <= self.high[k] else -step)
 
     # --- search ----------------------------------------------------------------------------------
 
@@ -117,36 +156,29 @@ class Explained(ABC):
         """Search with the nuisances' columns about `start` and their prior variances `spread`."""
         start = np.clip(start, self.low, self.high)
         nuisances = self.white(factor, self.columns(start))
-        matrix = nuisances.T @ nuisances
-        matrix[np.diag_indices_from(matrix)] += 1.0 / spread
-        root = np.linalg.cholesky(matrix)
+        root = np.linalg.cholesky(nuisances.T @ nuisances + np.diag(1.0 / spread))
         half = solve_triangular(root, nuisances.T, lower=True)
+        r = j = j_taken = np.zeros(0)  # at the last point that was kept
 
-        last: dict[str, Floats] = {}
+        def of(left: Floats, z: Floats) -> float:
+            taken, away = half @ left, z - self.centre
+            return 0.5 * float(left @ left - taken @ taken + away @ self.precision @ away)
 
         def value(z: Floats) -> float:
-            r = self.white(factor, self.left(z))
-            away = z - self.centre
-            taken = half @ r
-            return 0.5 * float(r @ r - taken @ taken + away @ self.precision @ away)
+            return of(self.white(factor, self.left(z)), z)
 
         def quadratic(z: Floats) -> Quadratic:
-            r = self.white(factor, self.left(z))
-            j = self.white(factor, self.slopes(z))
-            r_taken, j_taken = half @ r, half @ j
-            last.update(r=r, j=j, j_taken=j_taken)
-            away = z - self.centre
-            pull = self.precision @ away
-            return Quadratic(
-                0.5 * float(r @ r - r_taken @ r_taken + away @ pull),
-                pull - (j.T @ r - j_taken.T @ r_taken),
-                j.T @ j - j_taken.T @ j_taken + self.precision,
-            )
+            nonlocal r, j, j_taken
+            r, j = self.white(factor, self.left(z)), self.white(factor, self.slopes(z))
+            j_taken = half @ j
+            pull = self.precision @ (z - self.centre)
+            gradient = pull - (j.T @ r - j_taken.T @ (half @ r))
+            return Quadratic(of(r, z), gradient, j.T @ j - j_taken.T @ j_taken + self.precision)
 
         def bend(z: Floats, step: Floats) -> Floats:
             near = self.white(factor, self.left(z + _BEND * step))
-            second = 2.0 / _BEND * ((near - last["r"]) / _BEND + last["j"] @ step)
-            return np.asarray(last["j_taken"].T @ (half @ second) - last["j"].T @ second)
+            second = 2.0 / _BEND * ((near - r) / _BEND + j @ step)
+            return np.asarray(j_taken.T @ (half @ second) - j.T @ second)
 
         return minimise(
             value, quadratic, start, self.low, self.high, enough, most, self.precision, bend
@@ -154,10 +186,17 @@ class Explained(ABC):
 
     def spread(self, variances: Floats) -> Floats:
         """Prior variances of all nuisances for variances of their groups."""
-        out = self.variance.copy()
-        grouped = self.group >= 0
-        out[grouped] = variances[self.group[grouped]]
-        return out
+        return self._prior(np.zeros(0)).spread(variances)
+
+    def _prior(self, mean: Floats) -> Prior:
+        """Prior of parameters, in units of their prior's root and with this mean, and nuisances."""
+        return Prior(
+            np.append(mean, np.zeros(self.group.size)),
+            np.append(np.ones(mean.size), self.variance),
+            np.append(np.full(mean.size, -1), self.group),
+            self.scales,
+            self.most,
+        )
 
     def misfit(self, z: Floats, factor: Factor) -> float:
         """Half the squared misfit at a point, nothing of it taken by nuisances."""
@@ -183,65 +222,39 @@ class Explained(ABC):
         z : array
             Where the linear problem has its top.
         """
-        p = self.parameters
+        p, z = self.parameters, linear.z
         every = np.column_stack([linear.left, linear.slopes @ self.root, linear.columns])
         whitened = self.white(factor, every)
         gram = whitened.T @ whitened
-        z = linear.z
-        inner = gram[p + 1 :, p + 1 :].copy()
-        inner[np.diag_indices_from(inner)] += 1.0 / self.spread(variances)
-        taken = np.linalg.solve(inner, gram[p + 1 :, 0]) if inner.size else np.zeros(0)
-        pull = gram[1 : p + 1, 0] - gram[1 : p + 1, p + 1 :] @ taken
+        square, vector, matrix = float(gram[0, 0]), gram[1:, 0], gram[1:, 1:]
+        inner = matrix[p:, p:] + np.diag(1.0 / self.spread(variances))
+        pull = vector[:p] - matrix[:p, p:] @ np.linalg.solve(inner, vector[p:])
         gradient = self.precision @ (z - self.centre)
         gradient -= solve_triangular(self.root, pull, lower=True, trans=1)
         held = ~free_of(z, gradient, self.low, self.high)
         held[: self.free] = False
-        use = np.concatenate([~held, np.ones(self.group.size, dtype=bool)])
-        normal = Normal(
-            gram[1:, 1:][np.ix_(use, use)],
-            gram[1:, 0][use],
-            float(gram[0, 0]),
-            2.0 * factor.half_log + self.log_noise,
-            linear.left.size,
-        )
-        mean = np.concatenate(
-            [
-                solve_triangular(self.root, self.centre - z, lower=True),
-                np.zeros(self.group.size),
-            ]
-        )
-        prior = Prior(
-            mean[use],
-            np.concatenate([np.ones(p), self.variance])[use],
-            np.concatenate([np.full(p, -1), self.group])[use],
-            self.scales,
-            self.most,
-        )
+        use = np.append(~held, np.ones(self.group.size, dtype=bool))
+        log_noise = 2.0 * factor.half_log
+        if self.response is not None:
+            log_noise += self.response.log_noise
+        normal = Normal(matrix[np.ix_(use, use)], vector[use], square, log_noise, every.shape[0])
+        prior = self._prior(solve_triangular(self.root, self.centre - z, lower=True)).of(use)
         solution = solve(normal, prior, variances, rounds)
         moved = np.zeros(p)
-        free = np.flatnonzero(~held)
-        moved[free] = solution.coefficients[: free.size]
+        moved[~held] = solution.coefficients[: p - held.sum()]
         top = z + self.root @ moved
-        total = solution.log_evidence + self._of_bounds(
-            z, top, held, use, gram[1:, 1:], gram[1:, 0], solution
-        )
-        return total, solution, top
+        bounds = self._of_bounds(z, top, held, use, matrix, vector, solution)
+        return solution.log_evidence + bounds, solution, top
 
     def remaining(self, linear: Linear, solution: Solution, top: Floats) -> Floats:
         """Give what parameters and nuisances leave at the top of a linear problem, (rows,)."""
         b = solution.coefficients[-self.group.size :]
         return linear.left - linear.slopes @ (top - linear.z) - linear.columns @ b
 
-    def errors(self, linear: Linear, factor: Factor, variances: Floats | None = None) -> Floats:
-        """Errors of the searched parameters about a point, 1 sigma, nuisances free."""
-        return np.sqrt(np.diag(self.posterior(linear, factor, variances)))
-
-    def posterior(self, linear: Linear, factor: Factor, variances: Floats | None = None) -> Floats:
+    def posterior(self, linear: Linear, factor: Factor, variances: Floats) -> Floats:
         """Covariance of the searched parameters about a point, nuisances free."""
         j, own = self.white(factor, linear.slopes), self.white(factor, linear.columns)
-        inner = own.T @ own
-        spread = self.spread(self.scales**2 if variances is None else variances)
-        inner[np.diag_indices_from(inner)] += 1.0 / spread
+        inner = own.T @ own + np.diag(1.0 / self.spread(variances))
         cross = own.T @ j
         normal = j.T @ j - cross.T @ np.linalg.solve(inner, cross) + self.precision
         return np.asarray(np.linalg.inv(normal))
@@ -257,35 +270,52 @@ class Explained(ABC):
         solution: Solution,
     ) -> float:
         """Say what bounds change of the evidence: a prior cut there is larger inside."""
-        if self.parameters == self.free:
+        if not self.slots:
             return 0.0
-        total = 0.0
-        covariance = solution.covariance()
-        free = np.flatnonzero(use)
-        for k in range(self.free, self.parameters):
-            sd = float(self.sd[k - self.free])
-            low = (self.low[k] - self.centre[k]) / sd
-            high = (self.high[k] - self.centre[k]) / sd
-            total -= float(np.log(max(_between(low, high), 1e-12)))
-            if held[k]:
-                # A one-sided Gaussian integral, in units of its prior, all others following.
-                away = (z[k] - self.centre[k]) / sd
-                beside = matrix[k, use]
-                curvature = matrix[k, k] + 1.0 - float(beside @ covariance @ beside)
-                slope = abs(away - vector[k] + float(beside @ solution.coefficients))
-                total += float(
-                    -0.5 * np.log(2.0 * np.pi)
-                    - 0.5 * away**2
-                    + 0.5 * np.log(np.pi / (2.0 * curvature))
-                    + np.log(erfcx(slope / np.sqrt(2.0 * curvature)))
-                )
-            else:
-                at = int(np.searchsorted(free, k))
-                error = sd * float(np.sqrt(covariance[at, at]))
-                total += float(log_ndtr((top[k] - self.low[k]) / error))
-                total += float(log_ndtr((self.high[k] - top[k]) / error))
-        return total
+        k = slice(self.free, self.parameters)
+        low, high = ((edge[k] - self.centre[k]) / self.sd for edge in (self.low, self.high))
+        inside = np.exp(log_ndtr(high)) - np.exp(log_ndtr(low))
+        total = -float(np.sum(np.log(np.maximum(inside, 1e-12))))
+        covariance, free = solution.covariance(), ~held[k]
+        at = np.cumsum(use)[k][free] - 1
+        error = self.sd[free] * np.sqrt(np.diag(covariance)[at])
+        for room in (top - self.low)[k][free], (self.high - top)[k][free]:
+            total += float(np.sum(log_ndtr(room / error)))
+        # Of what is held a one-sided integral, in units of its prior, all others following.
+        away = ((z - self.centre)[k] / self.sd)[held[k]]
+        mine = np.flatnonzero(held)
+        beside = matrix[mine][:, use]
+        curvature = np.diag(matrix)[mine] + 1.0 - np.sum(beside @ covariance * beside, axis=1)
+        slope = np.abs(away - vector[mine] + beside @ solution.coefficients)
+        logs = 0.5 * np.log(np.pi / (2.0 * curvature)) - 0.5 * np.log(2.0 * np.pi) - 0.5 * away**2
+        return total + float(np.sum(logs + np.log(erfcx(slope / np.sqrt(2.0 * curvature)))))
 
 
-def _between(low: float, high: float) -> float:
-    return float(np.exp(log_ndtr(high)) - np.exp(log_ndtr(low)))
+def slots_of(ids: Sequence[str]) -> list[Slot]:
+    """List what is searched of some effects."""
+    return [
+        Slot(parameter, LIBRARY[name].first + k)
+        for name in ids
+        if LIBRARY[name].port == "chain"
+        for k, parameter in enumerate(LIBRARY[name].parameters)
+    ]
+
+
+def starts(problem: Explained, first: Floats, delays: Sequence[float] = ()) -> list[Floats]:
+    """List starting points: each effect's own beside what is searched before; `delays` of a delay.
+
+    Parameters
+    ----------
+    problem : Explained
+        The problem.
+    first : array
+        What begins with the parameters that are searched before the effects'.
+    delays : sequence of float, optional
+        Where a delay may begin, s.
+    """
+    points = [first[: problem.free]]
+    for slot in problem.slots:
+        delayed = delays and slot.parameter.name == "delay_s"
+        every = delays if delayed else slot.parameter.starts
+        points = [np.append(point, slot.searched(v)) for point in points for v in every]
+    return points

@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 _DAMPING = 5.0  # where it starts, against the prior: few points are rejected, and few needed
 _MOST_BENT = 0.75
 """Longest acceleration, as a share of its step, that is still to be trusted (there, section IV)."""
+_STUCK = 1e-9  # a step that is no step
 
 
 @dataclass(frozen=True)
@@ -35,39 +37,29 @@ class Quadratic:
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a search ended.
-
-    Attributes
-    ----------
-    z : (p,) array
-        The point.
-    at : Quadratic
-        There.
-    decrement : float
-        What a full step of the free parameters would still gain.
-    tried, rejected : int
-        Points that were tried, and that were no better.
-    """
+    """Where a search ended, (p,), and the misfit there."""
 
     z: Floats
     at: Quadratic
-    decrement: float
-    tried: int
-    rejected: int
+    decrement: float  # what a full step of the free parameters would still gain
+    tried: int  # points
+    rejected: int  # those that were no better
 
 
-def free_of(z: Floats, gradient: Floats, low: Floats, high: Floats) -> NDArray[np.bool_]:
+def free_of(z: Floats, gradient: Floats, low: Floats, high: Floats) -> Bools:
     """Say which parameters may move: those that no bound holds against the gradient."""
     return ~(((z <= low) & (gradient > 0.0)) | ((z >= high) & (gradient < 0.0)))
 
 
-def decrement(at: Quadratic, free: NDArray[np.bool_]) -> float:
+def decrement(at: Quadratic, free: Bools) -> float:
     """Half the squared Newton decrement of the free parameters."""
-    if not free.any():
-        return 0.0
     g = at.gradient[free]
-    h = at.hessian[np.ix_(free, free)]
-    return 0.5 * float(g @ cho_solve(cho_factor(h, lower=True), g))
+    return 0.5 * float(g @ _solved(at.hessian, free, g)) if free.any() else 0.0
+
+
+def _solved(matrix: Floats, some: Bools, right: Floats) -> Floats:
+    """Solve for some of the parameters."""
+    return np.asarray(cho_solve(cho_factor(matrix[np.ix_(some, some)], lower=True), right))
 
 
 def minimise(
@@ -85,10 +77,8 @@ def minimise(
 
     Parameters
     ----------
-    value : callable
-        Half the squared misfit at a point.
-    quadratic : callable
-        The same with its slopes.
+    value, quadratic : callable
+        Half the squared misfit at a point, and the same with its slopes.
     start, low, high : (p,) arrays
         Where to begin, and the bounds.
     enough : float
@@ -108,77 +98,57 @@ def minimise(
         free = free_of(z, at.gradient, low, high)
         left = decrement(at, free)
         if left < enough or tried >= most:
-            return Minimum(z, at, left, tried, rejected)
-        step = _step(z, at, free, damping, metric, low, high)
-        moved = np.clip(z + step, low, high) - z
+            break
+        damped = at.hessian + damping * metric
+        moved = _step(z, at, free, damped, low, high)
         if bend is not None:
-            moved = _bent(z, moved, bend(z, moved), at, damping, metric, low, high)
-        there = z + moved
+            moved = _bent(z, moved, bend(z, moved), damped, low, high)
         predicted = -float(at.gradient @ moved) - 0.5 * float(moved @ at.hessian @ moved)
         tried += 1
-        gained = at.value - value(there)
+        gained = at.value - value(z + moved)
         if gained > 0.0 and np.isfinite(gained):
             ratio = gained / max(predicted, 1e-12)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 2.0) - 1.0) ** 3)
             growth = 2.0
-            z, at = there, quadratic(there)
+            z = z + moved
+            at = quadratic(z)
         else:
             rejected += 1
             damping *= growth
             growth *= 2.0
-            if float(np.max(np.abs(moved))) < 1e-9:
-                return Minimum(z, at, left, tried, rejected)
-
-
-def _bent(
-    z: Floats,
-    step: Floats,
-    pull: Floats,
-    at: Quadratic,
-    damping: float,
-    metric: Floats,
-    low: Floats,
-    high: Floats,
-) -> Floats:
-    """Add half the acceleration to a step, where it is small against it."""
-    open_ = (step != 0.0) & (z + step > low) & (z + step < high)
-    if not open_.any():
-        return step
-    h = at.hessian[np.ix_(open_, open_)].copy()
-    h += damping * metric[np.ix_(open_, open_)]
-    bent = -0.5 * cho_solve(cho_factor(h, lower=True), pull[open_])
-    along = step[open_]
-    if bent @ h @ bent > (_MOST_BENT / 2.0) ** 2 * (along @ h @ along):
-        return step
-    out = step.copy()
-    out[open_] += bent
-    return np.asarray(np.clip(z + out, low, high) - z)
+            if float(np.max(np.abs(moved))) < _STUCK:
+                break
+    return Minimum(z, at, left, tried, rejected)
 
 
 def _step(
-    z: Floats,
-    at: Quadratic,
-    free: NDArray[np.bool_],
-    damping: float,
-    metric: Floats,
-    low: Floats,
-    high: Floats,
+    z: Floats, at: Quadratic, free: Bools, damped: Floats, low: Floats, high: Floats
 ) -> Floats:
     """Solve for a damped step; what meets its bound stops there, and the others are solved anew."""
-    step = np.zeros_like(z)
-    open_ = free.copy()
-    for _ in range(z.size):
-        h = at.hessian[np.ix_(open_, open_)].copy()
-        h += damping * metric[np.ix_(open_, open_)]
-        right = -at.gradient[open_] - at.hessian[np.ix_(open_, ~open_)] @ step[~open_]
+    step, moving = np.zeros_like(z), free.copy()
+    while moving.any():
+        right = -at.gradient - at.hessian[:, ~moving] @ step[~moving]
         trial = step.copy()
-        trial[open_] = cho_solve(cho_factor(h, lower=True), right)
-        there = z + trial
-        beyond = open_ & ((there < low) | (there > high))
+        trial[moving] = _solved(damped, moving, right[moving])
+        there = np.clip(z + trial, low, high)
+        beyond = moving & (there != z + trial)
+        step[beyond] = there[beyond] - z[beyond]
+        moving &= ~beyond
         if not beyond.any():
-            return trial
-        step[beyond] = np.clip(there, low, high)[beyond] - z[beyond]
-        open_ &= ~beyond
-        if not open_.any():
-            break
+            return np.asarray(there - z)
     return step
+
+
+def _bent(
+    z: Floats, step: Floats, pull: Floats, damped: Floats, low: Floats, high: Floats
+) -> Floats:
+    """Add half the acceleration to a step, where it is small against it."""
+    moving = (step != 0.0) & (z + step > low) & (z + step < high)
+    if not moving.any():
+        return step
+    bent = np.zeros_like(step)
+    bent[moving] = -0.5 * _solved(damped, moving, pull[moving])
+    along = np.where(moving, step, 0.0)
+    if bent @ damped @ bent > (_MOST_BENT / 2.0) ** 2 * (along @ damped @ along):
+        return step
+    return np.asarray(np.clip(z + step + bent, low, high) - z)

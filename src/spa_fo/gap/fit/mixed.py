@@ -23,97 +23,57 @@ _PRIOR_STRENGTH = 2.0  # degrees of freedom that a variance's prior is worth
 
 @dataclass(frozen=True)
 class Normal:
-    """The normal equations of all blocks.
+    """The normal equations of all blocks, H = [J Z]."""
 
-    Attributes
-    ----------
-    matrix : (q, q) array
-        HᵀR⁻¹H.
-    vector : (q,) array
-        HᵀR⁻¹r.
-    square : float
-        rᵀR⁻¹r.
-    log_noise : float
-        log|R| + n log 2π.
-    rows : int
-        n.
-    """
-
-    matrix: Floats
-    vector: Floats
-    square: float
-    log_noise: float
-    rows: int
+    matrix: Floats  # (q, q), HᵀR⁻¹H
+    vector: Floats  # (q,), HᵀR⁻¹r
+    square: float  # rᵀR⁻¹r
+    log_noise: float  # log|R| + n log 2π
+    rows: int  # n
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known beforehand of the columns.
+    """What is known beforehand of the columns."""
 
-    Attributes
-    ----------
-    mean, variance : (q,) arrays
-        Of each column's coefficient; the variance counts only where `group` is negative.
-    group : (q,) array
-        Which unknown variance the coefficient has, negative for none.
-    scale : (g,) array
-        Typical standard deviation of each group.
-    most : (g,) array, optional
-        The largest that is possible.
-    """
+    mean: Floats  # (q,), of each column's coefficient
+    variance: Floats  # (q,), which counts only where `group` is negative
+    group: Integers  # (q,), which unknown variance the coefficient has, negative for none
+    scale: Floats  # (g,), typical standard deviation of each group
+    most: Floats | None = None  # (g,), the largest that is possible
 
-    mean: Floats
-    variance: Floats
-    group: Integers
-    scale: Floats
-    most: Floats | None = None
+    def of(self, some: NDArray[np.bool_]) -> Prior:
+        """Return that of some columns, (q,) bool."""
+        own = self.mean[some], self.variance[some], self.group[some]
+        return Prior(*own, self.scale, self.most)
+
+    def spread(self, variances: Floats) -> Floats:
+        """Prior variance of each column for the groups' variances, (q,)."""
+        grouped = self.group >= 0
+        return np.where(grouped, variances[np.where(grouped, self.group, 0)], self.variance)
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Coefficients given the variances, the variances, and the evidence.
+    """Coefficients given the variances, the variances, and the evidence."""
 
-    Attributes
-    ----------
-    coefficients : (q,) array
-        Posterior means.
-    factor : (k, k) array
-        Cholesky factor, lower, of the posterior's precision of the columns that are seen.
-    seen : (q,) bool array
-        Which rows say anything of; of the others is known what was known beforehand.
-    spread : (q,) array
-        Prior variances.
-    variances : (g,) array
-        Of the groups.
-    log_evidence : float
-        Logarithm of the marginal likelihood, the variances' prior included.
-    """
-
-    coefficients: Floats
-    factor: Floats
-    seen: NDArray[np.bool_]
-    spread: Floats
-    variances: Floats
-    log_evidence: float
+    coefficients: Floats  # (q,), posterior means
+    factor: Floats  # Cholesky factor, lower, of the posterior's precision of `seen` columns
+    seen: NDArray[np.bool_]  # (q,), which rows say anything of; the others stay at their prior
+    spread: Floats  # (q,), prior variances
+    variances: Floats  # (g,), of the groups
+    log_evidence: float  # logarithm of the marginal likelihood, the variances' prior included
 
     def covariance(self) -> Floats:
         """Posterior covariance, (q, q)."""
-        inverse = np.tril(_inverse(self.factor))
         covariance = np.diag(self.spread)
-        covariance[np.ix_(self.seen, self.seen)] = inverse + np.tril(inverse, -1).T
+        inverse = cho_solve((self.factor, True), np.eye(self.factor.shape[0]))
+        covariance[np.ix_(self.seen, self.seen)] = inverse
         return covariance
 
 
-def _inverse(factor: Floats) -> Floats:
-    """Lower triangle of the inverse of a matrix given by its Cholesky factor."""
-    inverse, status = lapack.dpotri(factor, lower=1)
-    if status != 0:
-        raise np.linalg.LinAlgError("a precision matrix is singular")
-    return np.asarray(inverse)
-
-
 def _inverse_diagonal(factor: Floats) -> Floats:
-    """Diagonal of that inverse: half the work of the whole."""
+    """Diagonal of the inverse of a matrix given by its Cholesky factor: half of the whole work."""
     inverse, status = lapack.dtrtri(factor, lower=1)
     if status != 0:
         raise np.linalg.LinAlgError("a precision matrix is singular")
@@ -139,46 +99,32 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
     Solution
         With the evidence at the last variances.
     """
-    variances = variances.copy()
     # Columns that no row has, such as those of a trial that takes no part, stay at their prior.
     seen = np.diag(normal.matrix) != 0.0  # what is no number is seen, and refused below
     matrix, vector = normal.matrix[np.ix_(seen, seen)], normal.vector[seen]
-    mean, group, known_spread = prior.mean[seen], prior.group[seen], prior.variance[seen]
-    diagonal = np.arange(vector.size)
-    grouped = group >= 0
-    groups = prior.scale.size
-    sizes = np.bincount(group[grouped], minlength=groups)
+    own, scale, strength = prior.of(seen), prior.scale, _PRIOR_STRENGTH
+    grouped = own.group >= 0
+
+    def by_group(values: Floats) -> Floats:
+        return np.asarray(np.bincount(own.group[grouped], values[grouped], scale.size), float)
+
     for step in range(rounds + 1):
-        spread = known_spread.copy()
-        spread[grouped] = variances[group[grouped]]
-        a = matrix.copy()
-        a[diagonal, diagonal] += 1.0 / spread
-        factor = cholesky(a, lower=True, overwrite_a=True, check_finite=False)
-        right = vector + mean / spread
-        coefficients = cho_solve((factor, True), right, check_finite=False)
-        if step == rounds:
-            break
-        squares = np.bincount(group[grouped], coefficients[grouped] ** 2, minlength=groups)
-        undecided = np.bincount(
-            group[grouped], (_inverse_diagonal(factor) / spread)[grouped], minlength=groups
-        )
-        known = np.maximum(sizes - undecided, 0.0)
-        variances = (squares + _PRIOR_STRENGTH * prior.scale**2) / (known + _PRIOR_STRENGTH + 2.0)
-        if prior.most is not None:
-            variances = np.minimum(variances, prior.most**2)
-    deviation = coefficients - mean
+        spread = own.spread(variances)
+        factor = cholesky(matrix + np.diag(1.0 / spread), lower=True, check_finite=False)
+        coefficients = cho_solve((factor, True), vector + own.mean / spread, check_finite=False)
+        if step < rounds:
+            known = np.maximum(by_group(1.0 - _inverse_diagonal(factor) / spread), 0.0)
+            squares = by_group(coefficients**2) + strength * scale**2
+            variances = squares / (known + strength + 2.0)
+            if prior.most is not None:
+                variances = np.minimum(variances, prior.most**2)
+    away = coefficients - own.mean
     fit = normal.square - 2.0 * coefficients @ vector + coefficients @ matrix @ coefficients
-    log_determinant = 2.0 * float(np.sum(np.log(np.diag(factor)))) + float(np.sum(np.log(spread)))
-    half = _PRIOR_STRENGTH / 2.0
-    log_prior = np.sum(
-        -(half + 1.0) * np.log(variances / prior.scale**2)
-        - half * (prior.scale**2 / variances - 1.0)
-    )
-    evidence = -0.5 * (
-        fit + deviation @ (deviation / spread) + log_determinant + normal.log_noise
-    ) + float(log_prior)
-    everywhere = prior.variance.copy()
-    everywhere[prior.group >= 0] = variances[prior.group[prior.group >= 0]]
-    all_coefficients = prior.mean.copy()
-    all_coefficients[seen] = coefficients
-    return Solution(all_coefficients, factor, seen, everywhere, variances, float(evidence))
+    log_determinant = 2.0 * np.sum(np.log(np.diag(factor))) + np.sum(np.log(spread))
+    against = variances / scale**2
+    log_prior = -np.sum((strength / 2.0 + 1.0) * np.log(against))
+    log_prior -= np.sum(strength / 2.0 * (1.0 / against - 1.0))
+    evidence = log_prior - 0.5 * (fit + away @ (away / spread) + log_determinant + normal.log_noise)
+    everywhere = prior.mean.copy()
+    everywhere[seen] = coefficients
+    return Solution(everywhere, factor, seen, prior.spread(variances), variances, float(evidence))

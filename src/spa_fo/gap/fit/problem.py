@@ -7,54 +7,32 @@ calibration dwells', the log's lateness, and every trial's own gain, rest angle 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from spa_fo.gap.data.evidence import curve_columns
-from spa_fo.gap.data.searched import (
-    HIGHEST,
-    LN_GAIN,
-    LOWEST,
-    Slot,
-    at_rate,
-    to_x,
-    wave,
-)
+from spa_fo.gap.data.searched import LN_GAIN, at_rate, to_x, wave
 from spa_fo.gap.fit.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
-from spa_fo.gap.fit.least_squares import Explained
-from spa_fo.gap.noise.whitening import Factor
+from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Mounting
-from spa_fo.plant.effects.library import LIBRARY, absent, at_port
+from spa_fo.plant.effects.library import LIBRARY, at_port
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
-_SLOPE_STEP = 1e-4
 _SCALE_STEP = 2e-3
 _OF_TRIALS = [GAIN, REST, TIME_SCALE]
 _SURELY = 1e-3  # probability that a scatter is larger than its bound
 
 
-@dataclass(frozen=True)
-class _Base:
-    z: Floats
-    effects: Floats
-    angle_deg: Floats
-    in_fixture: tuple[Floats, Mounting]
-    predicted: tuple[Floats, Floats] | None = None
-    slopes: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
-
-
-def _same(one: Floats, other: Floats, slots: Integers) -> bool:
-    return np.array_equal(one[slots], other[slots], equal_nan=True)
-
-
 class AngleProblem(Explained):
     """An explanation of a campaign.
+
+    Its rows are those of the angle, of the fixture, of later calibrations, and of the step response
+    of a model that was identified elsewhere.
 
     Parameters
     ----------
@@ -64,261 +42,163 @@ class AngleProblem(Explained):
         Effects of the explanation.
     changed : bool
         Whether an unknown sensor curve is that of later calibrations too, not the mounting's alone.
+    trend : bool
+        Whether gain and rest angle may go with the trials' order.
     """
 
     def __init__(
         self, bench: Bench, ids: Sequence[str], changed: bool = False, trend: bool = False
     ) -> None:
-        self.changed, self.trend = changed, trend
+        self.bench, self.ids, self.changed, self.trend = bench, tuple(ids), changed, trend
+        self.evidence, self.chain, self.rows = bench.evidence, bench.chain, bench.whitening.rows
         self.line = bench.line if at_port("line", ids) else None
-        self.bench = bench
-        self.ids = tuple(ids)
-        evidence = bench.evidence
-        self.evidence, self.chain = evidence, bench.chain
-        self.rows = bench.whitening.rows
-        slots = [
-            Slot(parameter, LIBRARY[name].first + k)
-            for name in ids
-            if LIBRARY[name].port == "chain"
-            for k, parameter in enumerate(LIBRARY[name].parameters)
-        ]
         known = bench.coefficients
         if at_port("coefficients", ids) is not None:
             known = known.shifted(bench.centre)
-        self.response = known.response
-        super().__init__(
-            slots,
-            known.mean,
-            known.spread,
-            LOWEST,
-            HIGHEST,
-            nuisance_scales(bench, at_port("zeros", ids) is not None),
-            0.0 if known.response is None else known.response.log_noise,
-        )
+        scales = nuisance_scales(bench, at_port("zeros", ids) is not None)
+        super().__init__(slots_of(ids), scales, known)
         # Nuisances do not hide what all trials show: repeats have said how large they are, and
         # so have the ways through a calibration.
         ordinary = [SETTINGS.gain_scatter, SETTINGS.rest_scatter_deg, SETTINGS.time_scatter]
         usual = np.maximum(bench.scales[_OF_TRIALS], ordinary)
         self.most[_OF_TRIALS] = most(bench.noise.spectrum.repeats) * usual
         self.most[DWELL] = SETTINGS.most_scatter * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
-        self.film_slots = LIBRARY.slots(lambda e: e.in_fixture)
-        self.angle_slots = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
-        self._base: _Base | None = None
+        self._film = LIBRARY.slots(lambda e: e.in_fixture)
+        self._moving = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
+        self.whitening, fixture, none = bench.whitening, self.evidence.fixture, np.zeros(0)
+        further = [  # measured, and its error
+            (none, none) if fixture is None else (fixture.deviation_deg, fixture.sigma_deg),
+            (self.evidence.drift_deg, self.evidence.drift_sigma_deg),
+        ]
+        if known.response is not None:
+            further.append((known.response.values, np.ones(known.response.values.size)))
+        self.further = [values.size for values, _ in further]
+        self.sigma = np.concatenate([sigma for _, sigma in further])
+        angle = self.rows.merged(self.evidence.grid.angle_deg)
+        self.measured = np.concatenate([angle, *(values for values, _ in further)])
+        self.trial = np.concatenate([g.trial for g in self.rows.groups])
         self._lay()
 
     # --- the nuisances' columns ------------------------------------------------------------------
 
     def _lay(self) -> None:
-        evidence = self.evidence
-        self.trials = np.unique(np.concatenate([g.trial for g in self.rows.groups]))
-        knots = evidence.curve_sigma_deg.size
-        fixture = evidence.fixture
-        self.curve = np.arange(knots)
-        self.late = knots
-        at = knots + 1
-        dwells = 0 if fixture is None else int(fixture.dwell.max()) + 1
-        self.dwells = at + np.arange(dwells)
-        at += dwells
-        slips = at_port("zeros", self.ids)
-        self.walk = at + np.arange(1 if slips else 0)
-        at += self.walk.size
-        every = len(evidence.grid.trials)
-        self.steps = at + np.arange(every if slips else 0)
-        at += self.steps.size
-        self.own = at + np.arange(3 * self.trials.size).reshape(-1, 3)
-        at += self.own.size
-        self.waves = at + np.arange(2 * self.trials.size if self.line else 0).reshape(-1, 2)
-        at += self.waves.size
-        self.trends = at + np.arange(4 if self.trend else 0)
-        at += self.trends.size
-        self.size = at
-        group, variance = np.full(at, -1), np.ones(at)
-        group[self.own] = [GAIN, REST, TIME_SCALE]
-        group[self.dwells] = DWELL
-        group[self.steps] = SLIP
-        group[self.waves] = LINE
-        variance[self.curve] = evidence.curve_sigma_deg**2
-        curve = at_port("curve", self.ids)
+        """Give each kind of nuisance its columns, and these their variances or groups."""
+        evidence, bench, fixture = self.evidence, self.bench, self.evidence.fixture
+        self.trials = np.unique(self.trial)
+        slips, curve = at_port("zeros", self.ids), at_port("curve", self.ids)
+        sizes = [
+            evidence.curve_sigma_deg.size,
+            1,
+            0 if fixture is None else int(fixture.dwell.max()) + 1,
+            1 if slips else 0,
+            len(evidence.grid.trials) if slips else 0,
+            3 * self.trials.size,
+            2 * self.trials.size if self.line else 0,
+            4 if self.trend else 0,
+        ]
+        self.size = sum(sizes)
+        parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
+        self.curve, self.late, self.dwells, self.walk, self.steps, own, waves, self.trends = parts
+        self.own, self.waves = own.reshape(-1, 3), waves.reshape(-1, 2)
+        self.group, self.variance = np.full(self.size, -1), np.ones(self.size)
+        self.group[self.own] = [GAIN, REST, TIME_SCALE]
+        self.group[self.dwells] = DWELL
+        self.group[self.steps] = SLIP
+        self.group[self.waves] = LINE
+        self.variance[self.curve] = evidence.curve_sigma_deg**2
         if curve:
-            variance[self.curve] += np.square([q.spread for q in LIBRARY[curve].parameters])
+            spread = [q.spread for q in LIBRARY[curve].parameters]
+            self.variance[self.curve] += np.square(spread)
         if self.trend:
-            gain, rest = self.bench.scales[[GAIN, REST]]
-            variance[self.trends] = np.square([3.0 * gain, 3.0 * gain, 3.0 * rest, 3.0 * rest])
-        variance[self.late] = SETTINGS.angle_late_s**2
+            self.variance[self.trends] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])
+        self.variance[self.late] = SETTINGS.angle_late_s**2
         if slips:
-            variance[self.walk] = LIBRARY[slips].parameters[0].spread ** 2
-        self.group, self.variance = group, variance
+            self.variance[self.walk] = LIBRARY[slips].parameters[0].spread ** 2
 
     def columns(self, z: Floats) -> Floats:
         """Columns of the nuisances about a point, (rows, size)."""
         evidence, grid, rows = self.evidence, self.evidence.grid, self.rows
-        base = self._about(z)
-        y, _ = self.predict(z)
-        gain, _ = self._slope(z, LN_GAIN)
-        _, mounting = base.in_fixture
-        quick, _ = self.chain.mounted(mounting).run(
-            at_rate(to_x(z[:5]), 1.0 + _SCALE_STEP), base.effects
+        fixture, n = evidence.fixture, rows.size
+        (y, _), e = self.predict(z), self.effects(z)
+        quick, _ = self.chain.mounted(self._in_fixture(e)[1]).run(
+            at_rate(to_x(z[:5]), 1.0 + _SCALE_STEP), e
         )
-        scale = (quick - y) / _SCALE_STEP
-        fixture = evidence.fixture
-        tied = np.zeros((y.size, 0))
-        if fixture is not None:
-            tied = fixture.misread(y)
-        moving = rows.merged(
-            np.column_stack([curve_columns(y), -grid.slopes(y), tied, gain, scale])
-        )
-        knots, n = self.curve.size, rows.size
-        f = 0 if fixture is None else fixture.deviation_deg.size
-        d = evidence.drift_deg.size
+        gain, scale = self.slopes(z)[:n, LN_GAIN], rows.merged(quick - y) / _SCALE_STEP
         out = self.stacked(np.zeros((n, self.size)))
-        out[:n, : knots + 1] = moving[:, : knots + 1]
-        out[:n, self.dwells] = moving[:, knots + 1 : knots + 1 + self.dwells.size]
-        orders = grid.orders
-        for g in rows.groups:
-            here = np.arange(g.rows.start, g.rows.stop)
-            which = np.searchsorted(self.trials, g.trial)
-            out[here, self.own[which, 0]] = moving[g.rows, -2]
-            out[here, self.own[which, 1]] = 1.0
-            out[here, self.own[which, 2]] = moving[g.rows, -1]
-            if self.trend:
-                place = (g.trial + 0.5) / len(grid.trials)
-                late, early = place - 0.5, np.exp(-6.0 * place)
-                out[here, self.trends[0]] = late * moving[g.rows, -2]
-                out[here, self.trends[1]] = early * moving[g.rows, -2]
-                out[here, self.trends[2]] = late
-                out[here, self.trends[3]] = early
-            if self.walk.size:
-                out[here, self.walk[0]] = orders[g.trial] - 1.0
-                out[here[:, None], self.steps[None, :]] = (
-                    np.arange(self.steps.size)[None, :] <= g.trial[:, None]
-                )
-            if self.line:
-                phased = wave(self.line, g.time_s)
-                phased *= np.sinc(self.line * g.width_s)[:, None]
-                out[here, self.waves[which, 0]] = phased[:, 0]
-                out[here, self.waves[which, 1]] = phased[:, 1]
+        out[:n, self.curve] = rows.merged(curve_columns(y))
+        out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
+        every, trial = np.arange(n), self.trial
+        own = self.own[np.searchsorted(self.trials, trial)].T
+        out[every, own] = gain, np.ones(n), scale
+        if self.trend:
+            place = (trial + 0.5) / len(grid.trials)
+            late, early = place - 0.5, np.exp(-6.0 * place)
+            out[:n, self.trends] = np.column_stack([late * gain, early * gain, late, early])
+        if self.walk.size:
+            out[:n, self.walk[0]] = grid.orders[trial] - 1.0
+            out[:n, self.steps] = np.arange(self.steps.size) <= trial[:, None]
+        if self.line:
+            waves = self.waves[np.searchsorted(self.trials, trial)].T
+            phased = [
+                wave(self.line, g.time_s) * np.sinc(self.line * g.width_s)[:, None]
+                for g in rows.groups
+            ]
+            out[every, waves] = np.concatenate(phased).T
         if fixture is not None:
-            out[n : n + f, self.dwells] = fixture.average @ fixture.of_dwell
-        if d:
-            assert fixture is not None
-            later = slice(n + f, n + f + d)
-            out[later, self.dwells] = fixture.drifted
-            if self.changed:
-                out[later, self.curve] = curve_columns(evidence.drift_angle_deg)
-            if self.walk.size:
-                after = evidence.drift_after
-                out[later, self.walk[0]] = np.append(0.0, orders)[after]
-                out[later, self.steps] = np.arange(self.steps.size)[None, :] < after[:, None]
+            out[:n, self.dwells] = rows.merged(fixture.misread(y))
+            end = n + fixture.deviation_deg.size
+            out[n:end, self.dwells] = fixture.average @ fixture.of_dwell
+            if evidence.drift_deg.size:
+                self._of_drift(out[end : end + evidence.drift_deg.size])
         return out
+
+    def _of_drift(self, out: Floats) -> None:
+        """Fill in the columns at the rows of later calibrations, (m, size)."""
+        evidence, after = self.evidence, self.evidence.drift_after
+        assert evidence.fixture is not None
+        out[:, self.dwells] = evidence.fixture.drifted
+        if self.changed:
+            out[:, self.curve] = curve_columns(evidence.drift_angle_deg)
+        if self.walk.size:
+            out[:, self.walk[0]] = np.append(0.0, evidence.grid.orders)[after]
+            out[:, self.steps] = np.arange(self.steps.size) < after[:, None]
 
     # --- prediction ------------------------------------------------------------------------------
 
-    def effects(self, z: Floats) -> Floats:
-        """Parameters of all effects."""
-        e = absent()
-        for slot, value in zip(self.slots, z[5:], strict=True):
-            e[slot.place] = slot.value(value)
-        return e
-
     def predict(self, z: Floats) -> tuple[Floats, Floats]:
         """Angles at the grid's samples, and readings in the fixture."""
-        e, base = self.effects(z), self._base
-        if base is not None and base.predicted is not None and np.array_equal(z, base.z):
-            return base.predicted
-        if base is not None and _same(e, base.effects, self.film_slots):
-            deviation, mounting = base.in_fixture
-        else:
-            deviation, mounting = self._in_fixture(e)
-        chain = self.chain.mounted(mounting)
-        if (
-            base is not None
-            and np.array_equal(z[:5], base.z[:5])
-            and _same(e, base.effects, self.angle_slots)
-        ):
-            angle = base.angle_deg
-        else:
-            angle, _ = chain.angles(to_x(z), e)
+        return self.once("predicted", z, lambda: self._predicted(z))
+
+    def _predicted(self, z: Floats) -> tuple[Floats, Floats]:
+        e = self.effects(z)
+        deviation, mounting = self._in_fixture(e)
+        chain, moving = self.chain.mounted(mounting), np.append(z[:5], e[self._moving])
+        angle = self.once("angle", moving, lambda: chain.angles(to_x(z), e)[0])
         return chain.observed(chain.read(angle, e, chain.memory.film.copy()), e), deviation
 
     def _in_fixture(self, effects: Floats) -> tuple[Floats, Mounting]:
         fixture = self.evidence.fixture
-        return (np.zeros(0), Mounting()) if fixture is None else fixture.simulate(effects)
+        if fixture is None:
+            return np.zeros(0), Mounting()
+        return self.once("fixture", effects[self._film], lambda: fixture.simulate(effects))
 
-    def _about(self, z: Floats) -> _Base:
-        if self._base is None or not np.array_equal(z, self._base.z):
-            e = self.effects(z)
-            self._base = _Base(z.copy(), e, self.chain.angles(to_x(z), e)[0], self._in_fixture(e))
-            self._base = replace(self._base, predicted=self.predict(z))
-        return self._base
-
-    def _slope(self, z: Floats, k: int) -> tuple[Floats, Floats]:
-        base = self._about(z)
-        known, here = base.slopes, self.predict(z)
-        if k not in known:
-            step = _SLOPE_STEP if k < 5 else self.slope_step(z, k)
-            moved = z.copy()
-            moved[k] += step
-            there = self.predict(moved)
-            known[k] = (there[0] - here[0]) / step, (there[1] - here[1]) / step
-        return known[k]
+    def at_rows(self, z: Floats) -> Floats:
+        """Predict the angle, and the readings in the fixture; later calibrations are to be 0."""
+        angle, fixture = self.predict(z)
+        return self.stacked(self.rows.merged(angle), fixture)
 
     def stacked(
-        self,
-        angle: Floats,
-        fixture: Floats | None = None,
-        drift: Floats | None = None,
-        response: Floats | None = None,
+        self, angle: Floats, fixture: Floats | None = None, drift: Floats | None = None
     ) -> Floats:
-        """Lay what stands at the rows, in the fixture, of later calibrations and of the response.
+        """Lay what stands at the rows, in the fixture, and of later calibrations over all rows.
 
-        What is None is 0; of the response everything is whitened already.
+        What is None is 0, and so is the response.
         """
-        evidence, rest = self.evidence, angle.shape[1:]
-        fixed = 0 if evidence.fixture is None else evidence.fixture.deviation_deg.size
-        known = 0 if self.response is None else self.response.values.size
-        sizes = fixed, evidence.drift_deg.size, known
         parts = [
-            np.zeros((size, *rest)) if part is None else part
-            for part, size in zip((fixture, drift, response), sizes, strict=True)
+            np.zeros((size, *angle.shape[1:])) if part is None else part
+            for part, size in zip_longest((fixture, drift), self.further)
         ]
         return np.concatenate([angle, *parts])
-
-    def left(self, z: Floats) -> Floats:
-        """Measured less predicted, (all rows,); see `stacked`."""
-        y, fixed = self.predict(z)
-        evidence = self.evidence
-        return self.stacked(
-            self.rows.merged(evidence.grid.angle_deg - y),
-            None if evidence.fixture is None else evidence.fixture.deviation_deg - fixed,
-            evidence.drift_deg,
-            None if self.response is None else self.response.left(z),
-        )
-
-    def slopes(self, z: Floats) -> Floats:
-        """Slopes of the prediction over the searched parameters, (all rows, parameters)."""
-        self._about(z)
-        pairs = [self._slope(z, k) for k in range(self.parameters)]
-        known = None
-        if self.response is not None:
-            known = np.pad(self.response.slopes(z), ((0, 0), (0, self.parameters - 5)))
-        return self.stacked(
-            self.rows.merged(np.column_stack([pair[0] for pair in pairs])),
-            np.column_stack([pair[1] for pair in pairs]),
-            response=known,
-        )
-
-    # --- whitening -------------------------------------------------------------------------------
-
-    def white(self, factor: Factor, values: Floats) -> Floats:
-        """Whiten what stands at all rows."""
-        n, fixture = self.rows.size, self.evidence.fixture
-        sigma = np.ones(values.shape[0] - n)
-        known = np.append(
-            np.zeros(0) if fixture is None else fixture.sigma_deg, self.evidence.drift_sigma_deg
-        )
-        sigma[: known.size] = known
-        rest = (values[n:].T / sigma).T
-        return np.concatenate([self.bench.whitening.white(factor, values[:n]), rest])
 
 
 def most(repeats: int) -> float:
@@ -337,12 +217,3 @@ def nuisance_scales(bench: Bench, slips: bool) -> Floats:
     if slips:
         scales[REST] = min(scales[REST], SETTINGS.rest_scatter_deg)
     return scales
-
-
-def starts(problem: AngleProblem, coefficients: Floats) -> list[Floats]:
-    """List starting points: each effect's own, on these searched coefficients."""
-    points = [coefficients[:5]]
-    for slot in problem.slots:
-        every = slot.parameter.starts
-        points = [np.append(point, slot.searched(v)) for point in points for v in every]
-    return points

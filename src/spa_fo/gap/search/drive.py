@@ -1,19 +1,29 @@
-"""The drive by itself: what explains the measured pressure, and the true pressure that follows."""
+"""The drive by itself: what explains the measured pressure, and the true pressure that follows.
+
+The pressure alone cannot tell a drive that lags by a few hundredths of a second from a pressure
+sensor that does; the angle can. Explanations of the pressure that come near the best are each given
+to the angle, and what the angle makes of it is added to their evidence (`joined`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
-from spa_fo.gap.fit.bench import SHARES, local_size, rows_of
-from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, starts, timing_error
+from spa_fo.gap.data.searched import to_x
+from spa_fo.gap.fit.bench import SHARES, Bench, local_size, rows_of
+from spa_fo.gap.fit.least_squares import starts
+from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.whitening import Rows, Whitening
+from spa_fo.gap.prior import log_prior
+from spa_fo.gap.search.explanations import Explanations
+from spa_fo.gap.search.fitted import HOPE, Fitted, begun, price, settled, weighed
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, absent, beside, ordered
@@ -33,78 +43,37 @@ _DELAYS_S = tuple(np.geomspace(0.01, 1.5, 30).tolist())
 _QUICK_S = 0.01  # a sensor's lag that no actuator feels
 _NOTHING_DEG = 0.02  # what the drive misses, in degrees of a static actuator
 
+_NEAR = 60.0  # nats behind the best explanation of the pressure, which an angle may make up for
+_MOST = 4  # explanations of the pressure, the best among them
+_SAME = 1e-3  # of a pressure: another one that differs by less is the same
+_CARRIED = 3  # explanations of the angle that are tried with each, beside the plain model
+
 
 @dataclass(frozen=True)
 class DriveFit:
-    """Some drive effects fitted to the measured pressure.
-
-    Attributes
-    ----------
-    ids : tuple of str
-        The effects.
-    z : array
-        Parameters as searched, and the sensor's lag.
-    effects : array
-        Parameters of all effects, NaN where absent.
-    cells_kpa, shown_kpa : (cells,) arrays
-        True pressure on the grid's cells, and what a sensor that lags shows of it.
-    predicted_kpa, residual_kpa : (n,) arrays
-        True pressure at the grid's averaged samples; what is left with the sensor's lag, offset and
-        gain taken out.
-    sensor : (2,) array
-        Offset (kPa) and relative gain error of the pressure sensor.
-    sigma : array
-        Errors of `z`.
-    evidence : (shares,) array
-        Log evidence for each of `SHARES`.
-    left_kpa : float
-        RMS of the residual beyond noise.
-    decrement : float
-        What the search left.
-    """
+    """Some drive effects fitted to the measured pressure."""
 
     ids: Ids
-    z: Floats
-    effects: Floats
-    cells_kpa: Floats
-    shown_kpa: Floats
-    predicted_kpa: Floats
-    residual_kpa: Floats
-    sensor: Floats
-    sigma: Floats
-    evidence: Floats
-    left_kpa: float
-    decrement: float
+    z: Floats  # parameters as searched, and the sensor's lag
+    effects: Floats  # parameters of all effects, NaN where absent
+    cells_kpa: Floats  # (cells,), true pressure on the grid's cells
+    believed_kpa: Floats  # (cells,), the same as far as the sensor agrees with it
+    predicted_kpa: Floats  # (n,), true pressure at the grid's averaged samples
+    residual_kpa: Floats  # (n,), what is left with the sensor's lag, offset and gain taken out
+    sigma: Floats  # errors of `z`
+    evidence: Floats  # (shares,), log evidence for each of `SHARES`
+    left_kpa: float  # RMS of the residual beyond noise
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What the measured pressure says.
+    """What the measured pressure says."""
 
-    Attributes
-    ----------
-    fits : dict
-        By effects; none is the command itself.
-    pressure_kpa : (cells,) array
-        The true pressure as far as it is known.
-    room_kpa : (cells,) array
-        By how much the sensor may differ from a fit that is believed.
-    given : (5,) array
-        Coefficients of the given model.
-    gap_kpa, gap_deg : float
-        RMS of what the command misses of it, and of what that moves the given model's angle by.
-    """
-
-    fits: dict[Ids, DriveFit]
-    pressure_kpa: Floats
-    room_kpa: Floats
-    given: Floats
-    gap_kpa: float
-    gap_deg: float
-
-    def of(self, evidence: Evidence, fits: dict[Ids, DriveFit]) -> Drive:
-        """Return what these fits make of the drive."""
-        return _drive_of(evidence, fits, self.room_kpa, self.given)
+    fits: dict[Ids, DriveFit]  # by effects; none is the command itself
+    pressure_kpa: Floats  # (cells,), the true pressure as far as it is known
+    given: Floats  # (5,), coefficients of the given model
+    gap_kpa: float  # RMS of what the command misses of the true pressure
+    gap_deg: float  # RMS of what that moves the given model's angle by
 
     @property
     def per_kpa_deg(self) -> float:
@@ -114,7 +83,11 @@ class Drive:
     @property
     def best(self) -> DriveFit:
         """The fit of largest evidence, at its best share."""
-        return max(self.fits.values(), key=lambda fit: float(fit.evidence.max()))
+        return _best(self.fits)
+
+
+def _best(fits: Mapping[Ids, DriveFit]) -> DriveFit:
+    return max(fits.values(), key=lambda fit: float(fit.evidence.max()))
 
 
 def examine_drive(
@@ -133,52 +106,70 @@ def examine_drive(
     beyond : Spectrum, optional
         What is to be expected beside the sensor's noise, kPa².
     """
-    step = resolution(evidence)
-    known = timing_error(evidence) ** 2 + _BINNING_KPA**2
-    rows = rows_of(evidence, known + _between_repeats(evidence, known))
-    # What a step of the converter hides stays the same for as long as the pressure does.
-    hidden = np.full(CORRELATION_S.size, step**2 / 12.0 / CORRELATION_S.size)
-    spectrum = Spectrum(evidence.pressure_noise_kpa**2, hidden)
-    if beyond is not None:
-        spectrum = spectrum.beside(beyond)
-    lag_known = beyond is not None  # what is expected was learned from the same sensor
-    bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), (), lag_known)
-    squares = _beyond_noise(rows, spectrum.white + spectrum.coloured.sum(), bare.left(np.zeros(1)))
-    size = local_size(rows, squares)
-    whitening = Whitening(rows, spectrum, size)
-    for share in (*SHARES, SETTINGS.search_share):
-        whitening.factor(1.0, share)
-    fits: dict[Ids, DriveFit] = {}
-    nothing = PressureProblem(evidence, whitening, (), lag_known)
-    fits[()] = _fit(nothing, starts(nothing, ()))
+    step, lag_known = resolution(evidence), beyond is not None  # by the same sensor
+    whitening = _whitening(evidence, step, beyond)
+
+    def problem(ids: Ids) -> PressureProblem:
+        return PressureProblem(evidence, whitening, ids, lag_known)
+
+    def alone(ids: Ids) -> DriveFit:
+        own = problem(ids)
+        return _fit(own, starts(own, np.zeros(0), _DELAYS_S), room)
+
+    def together(ids: Ids) -> DriveFit:
+        singles = [fits[(name,)].z for name in ids]
+        lag = np.mean([z[-1:] for z in singles], axis=0)
+        return _fit(problem(ids), [np.concatenate([*(z[:-1] for z in singles), lag])], room)
+
     cells = np.arange(int(evidence.grid.cell_starts[-1]))
     room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa + _BLUR * blur(evidence, cells)
+    fits: dict[Ids, DriveFit] = {(): alone(())}
     late = fits[()].z[-1] > _QUICK_S  # which may be the drive's, as far as the pressure goes
-    if late or _drive_of(evidence, fits, room, x).gap_deg > _NOTHING_DEG:
+    if late or _drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
-
-        def alone(name: str) -> DriveFit:
-            problem = PressureProblem(evidence, whitening, (name,), lag_known)
-            return _fit(problem, starts(problem, _DELAYS_S))
-
-        for fit in each(alone, names):
-            fits[fit.ids] = fit
+        fits |= {f.ids: f for f in each(alone, [(name,) for name in names])}
         ranked = sorted(names, key=lambda n: -float(fits[(n,)].evidence.max()))
         pairs = [
             ordered((one, other))
             for one, other in combinations(ranked[:_PAIRED], 2)
             if beside((one,), (other,))
         ]
+        fits |= {f.ids: f for f in each(together, pairs)}
+    return _drive_of(evidence, fits, x)
 
-        def together(ids: Ids) -> DriveFit:
-            problem = PressureProblem(evidence, whitening, ids, lag_known)
-            alone = [fits[(name,)].z for name in ids]
-            lag = np.mean([z[-1:] for z in alone], axis=0)
-            return _fit(problem, [np.concatenate([*(z[:-1] for z in alone), lag])])
 
-        for fit in each(together, pairs):
-            fits[fit.ids] = fit
-    return _drive_of(evidence, fits, room, x)
+def _drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], x: Floats) -> Drive:
+    """Say what the best fit makes of the drive of an actuator with coefficients `x`."""
+    grid, true_kpa = evidence.grid, _best(fits).believed_kpa
+    assert grid.command_kpa is not None
+    driven, commanded = (
+        angle_chain(evidence, x, kpa).run(x, absent())[0] for kpa in (true_kpa, None)
+    )
+    change = (driven - commanded)[evidence.used]
+    return Drive(
+        fits=fits,
+        pressure_kpa=true_kpa,
+        given=x,
+        gap_kpa=float(np.sqrt(np.mean((true_kpa - grid.command_kpa) ** 2))),
+        gap_deg=float(np.sqrt(np.average(change**2, weights=grid.counts[evidence.used]))),
+    )
+
+
+def _whitening(evidence: Evidence, step_kpa: float, beyond: Spectrum | None) -> Whitening:
+    """Say what is noise at the rows of the pressure, and how large the gap is."""
+    known = timing_error(evidence) ** 2 + _BINNING_KPA**2
+    rows = rows_of(evidence, known + _between_repeats(evidence, known))
+    # What a step of the converter hides stays the same for as long as the pressure does.
+    hidden = np.full(CORRELATION_S.size, step_kpa**2 / 12.0 / CORRELATION_S.size)
+    spectrum = Spectrum(evidence.pressure_noise_kpa**2, hidden)
+    if beyond is not None:
+        spectrum = spectrum.beside(beyond)
+    bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
+    squares = _beyond_noise(rows, spectrum.white + spectrum.coloured.sum(), bare.left(np.zeros(1)))
+    whitening = Whitening(rows, spectrum, local_size(rows, squares))
+    for share in (*SHARES, SETTINGS.search_share):
+        whitening.factor(1.0, share)  # before processes share the work
+    return whitening
 
 
 def _between_repeats(evidence: Evidence, known: Floats) -> Floats:
@@ -189,46 +180,17 @@ def _between_repeats(evidence: Evidence, known: Floats) -> Floats:
     grid, found = evidence.grid, np.zeros(known.size)
     assert grid.measured_kpa is not None
     for repeated in repeats(evidence, grid.measured_kpa, evidence.takes_part):
-        rows = repeated.rows
         several = np.isfinite(repeated.values).sum(axis=0) > 1
         if not several.any():
             continue
+        rows = repeated.rows[several]
         variance = np.nanvar(repeated.values[:, several], axis=0, ddof=1)
-        beyond = np.maximum(variance - known[rows[several]], 0.0)
-        alike = evidence.alike == evidence.alike[grid.sample_trial[rows[0]]]
+        beyond = np.maximum(variance - known[rows], 0.0)
+        alike = evidence.alike == evidence.alike[grid.sample_trial[repeated.rows[0]]]
         for trial in np.flatnonzero(alike):
             own = evidence.rows[trial]
-            found[own] = np.interp(grid.time_s[own], grid.time_s[rows[several]], beyond)
+            found[own] = np.interp(grid.time_s[own], grid.time_s[rows], beyond)
     return found
-
-
-def true_pressure(evidence: Evidence, fitted: DriveFit, room_kpa: Floats) -> Floats:
-    """Take a fit where the sensor agrees with it, within some room, else the sensor, (cells,)."""
-    assert evidence.grid.pressure_kpa is not None
-    measured = (evidence.grid.pressure_kpa - fitted.sensor[0]) / (1.0 + fitted.sensor[1])
-    agreed = np.clip(fitted.shown_kpa, measured - room_kpa, measured + room_kpa)
-    return np.asarray(fitted.cells_kpa + (agreed - fitted.shown_kpa))
-
-
-def _drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], room_kpa: Floats, x: Floats) -> Drive:
-    """Say what the best fit makes of the drive."""
-    grid = evidence.grid
-    best = max(fits.values(), key=lambda fit: float(fit.evidence.max()))
-    true_kpa = true_pressure(evidence, best, room_kpa)
-    assert grid.command_kpa is not None
-    driven, commanded = (
-        angle_chain(evidence, x, kpa).run(x, absent())[0] for kpa in (true_kpa, None)
-    )
-    change = (driven - commanded)[evidence.used]
-    weight = grid.counts[evidence.used]
-    return Drive(
-        fits=fits,
-        pressure_kpa=true_kpa,
-        room_kpa=room_kpa,
-        given=x,
-        gap_kpa=float(np.sqrt(np.mean((true_kpa - grid.command_kpa) ** 2))),
-        gap_deg=float(np.sqrt(np.average(change**2, weights=weight))),
-    )
 
 
 def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:
@@ -246,37 +208,111 @@ def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:
     return squares
 
 
-def _fit(problem: PressureProblem, points: list[Floats]) -> DriveFit:
+def _fit(problem: PressureProblem, points: list[Floats], room_kpa: Floats) -> DriveFit:
+    """Fit from the best of some points.
+
+    Within `room_kpa`, (cells,), the sensor may differ from a fit that is believed.
+    """
     factor = problem.whitening.factor(1.0, SETTINGS.search_share)
     if len(points) > _BEST_STARTS:
         points = sorted(points, key=lambda z: problem.misfit(z, factor))[:_BEST_STARTS]
-    found = min(
-        (problem.search(z, factor, problem.variance, _ENOUGH, _MOST_TRIED) for z in points),
-        key=lambda each: each.at.value,
-    )
-    linear = problem.linear(found.z)
+    searched = [problem.search(z, factor, problem.variance, _ENOUGH, _MOST_TRIED) for z in points]
+    z = min(searched, key=lambda each: each.at.value).z
+    linear = problem.linear(z)
     weighed = [
         problem.weigh(linear, problem.whitening.factor(1.0, share), np.ones(1)) for share in SHARES
     ]
     evidence = np.array([log for log, _, _ in weighed])
     _, solution, top = weighed[int(np.argmax(evidence))]
-    left_kpa = problem.whitening.beyond_noise(problem.remaining(linear, solution, top))
-    sensor = solution.coefficients[-3:]
-    shown = problem.predict(found.z)
-    grid, cells = problem.evidence.grid, problem.cells(found.z)
-    measured = grid.measured_kpa
-    assert measured is not None
+    offset, gain = solution.coefficients[-3:-1]
+    shown, cells, grid = problem.predict(z), problem.cells(z), problem.evidence.grid
+    assert grid.measured_kpa is not None
+    assert grid.pressure_kpa is not None
+    sensed, there = (grid.pressure_kpa - offset) / (1.0 + gain), problem.shown(z)
     return DriveFit(
         ids=problem.ids,
-        z=found.z,
-        effects=problem.effects(found.z),
+        z=z,
+        effects=problem.effects(z),
         cells_kpa=cells,
-        shown_kpa=problem.shown(found.z),
+        believed_kpa=cells + (np.clip(there, sensed - room_kpa, sensed + room_kpa) - there),
         predicted_kpa=grid.sampled(cells),
-        residual_kpa=measured - shown - sensor[0] - sensor[1] * shown,
-        sensor=sensor[:2],
-        sigma=problem.errors(linear, factor),
+        residual_kpa=grid.measured_kpa - shown - offset - gain * shown,
+        sigma=np.sqrt(np.diag(problem.posterior(linear, factor, np.ones(1)))),
         evidence=evidence,
-        left_kpa=left_kpa,
-        decrement=found.decrement,
+        left_kpa=problem.whitening.beyond_noise(problem.remaining(linear, solution, top)),
     )
+
+
+# --- what the angle says of it -------------------------------------------------------------------
+
+
+def joined(drive: Drive, found: Explanations) -> Drive:
+    """Add to each explanation of the pressure what the angle says of it.
+
+    Parameters
+    ----------
+    drive : Drive
+        What the pressure says.
+    found : Explanations
+        Fits of the angle, driven by its best explanation.
+
+    Returns
+    -------
+    Drive
+        The same where none came near the best. Those that did not are given what the angle says of
+        the least likely.
+    """
+    ranked = sorted(drive.fits.values(), key=lambda f: -_worth(f))
+    near = [f for f in ranked if _worth(f) > _worth(ranked[0]) - _NEAR]
+    near = [f for place, f in enumerate(near) if place < _MOST or not f.ids]
+    alike = {drive.best.ids, *(one.ids for one in near if _alike(drive, one))}
+    others = {one.ids: _driven(found.bench, one) for one in near if one.ids not in alike}
+    if not others:
+        return drive
+    allowed = [f for f in found.fits.values() if f.ids and not set(f.ids) & set(found.excluded)]
+    allowed = [f for f in allowed if np.isfinite(f.logs).all()]
+    carried = [found.plain, *sorted(allowed, key=lambda f: -_value(f))[:_CARRIED]]
+    pairs = [(ids, angle) for ids in others for angle in carried]
+    rough = each(lambda p: begun(others[p[0]], p[1].ids, [p[1].z], found.plain), pairs)
+    tried = [(ids, fitted) for (ids, _), fitted in zip(pairs, rough, strict=True)]
+    tops = {own: max(_promise(f) for ids, f in tried if ids == own) for own in others}
+    tried = [(ids, f) for ids, f in tried if _promise(f) > tops[ids] - _NEAR]
+
+    def ended(bench: Bench, fitted: Fitted) -> float:
+        return _value(weighed(bench, settled(bench, fitted, found.plain)))
+
+    values = each(lambda p: ended(others[p[0]], p[1]), tried)
+    said = dict.fromkeys(alike, max(_value(angle) for angle in carried))
+    for (ids, _), value in zip(tried, values, strict=True):
+        said[ids] = max(said.get(ids, -np.inf), value)
+    top, least = max(said.values()), min(said.values())
+    fits = {
+        ids: replace(f, evidence=f.evidence + said.get(ids, least) - top)
+        for ids, f in drive.fits.items()
+    }
+    return _drive_of(found.bench.evidence, fits, drive.given)
+
+
+def _alike(drive: Drive, one: DriveFit) -> bool:
+    """Say whether no angle tells an explanation of the pressure from the best one."""
+    best = drive.best.cells_kpa
+    return bool(np.sum((one.cells_kpa - best) ** 2) <= _SAME**2 * np.sum(best**2))
+
+
+def _worth(fitted: DriveFit) -> float:
+    return float(fitted.evidence.max()) + log_prior(fitted.ids) / SETTINGS.temper
+
+
+def _value(fitted: Fitted) -> float:
+    return float(fitted.logs.max()) - price(fitted) + log_prior(fitted.ids) / SETTINGS.temper
+
+
+def _promise(rough: Fitted) -> float:
+    """Say what a rough fit may be worth once it has come to its end."""
+    worth = log_prior(rough.ids) / SETTINGS.temper - price(rough)
+    return rough.quick + HOPE * rough.decrement + worth
+
+
+def _driven(bench: Bench, one: DriveFit) -> Bench:
+    """Let an explanation of the pressure drive the model."""
+    return replace(bench, chain=angle_chain(bench.evidence, to_x(bench.centre), one.believed_kpa))

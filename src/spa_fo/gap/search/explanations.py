@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
-from spa_fo.gap.fit.problem import AngleProblem, starts
+from spa_fo.gap.fit.least_squares import starts
+from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
 from spa_fo.gap.prior import further_price
 from spa_fo.gap.search.fitted import (
