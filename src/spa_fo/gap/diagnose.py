@@ -130,7 +130,7 @@ def diagnose(
         progress("trying what is rare, too")
         further = _answered(data, plain, excluded, seed, progress, beyond, answer[0])
         answer = max(answer, further, key=_explains)
-    examined, claimed, verdict = answer
+    (examined, claimed, verdict), missing = _with_laws(answer, seed, progress)
     everything, floor, nominal = examined.everything, examined.floor_deg, examined.nominal
     noise, curves, measured = examined.found.bench.noise, claimed.curves, everything.grid.angle_deg
     repeated = noise.spectrum.repeats > 0
@@ -138,7 +138,6 @@ def diagnose(
     if verdict.sets:
         progress("fitting the explanation once more, to all trials")
         final = on_all_trials(verdict.of(verdict.sets[0]), examined)
-    missing = _missing(examined, verdict, claimed, progress)
     model = model_of(final, missing.worth_a_model, examined, plain)
     carried = {effect.get("place") for effect in model.effects}
     if nominal is not None:
@@ -213,6 +212,21 @@ def _answered(
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
     return examined, claimed, verdict
+
+
+def _with_laws(answer: Answer, seed: int, progress: Progress) -> tuple[Answer, Missing]:
+    """Look for what has no name; a part beside which a law does no better than alone is none."""
+    examined, claimed, verdict = answer
+    missing = _missing(examined, verdict, claimed, progress)
+    if verdict.kind != "unknown" or not verdict.sets:
+        return answer, missing
+    bare = replace(verdict, sets=())
+    alone = _missing(examined, bare, claimed, progress)
+    closed = [missing.known_closed, *(law.fraction_closed for law in missing.laws[:1])]
+    law = alone.worth_a_model
+    if law is None or law.fraction_closed < max(closed) - SETTINGS.closes:
+        return answer, missing
+    return (examined, claim(examined, bare, np.random.default_rng(seed)), bare), alone
 
 
 def _missing(examined: Examined, verdict: Verdict, claimed: Claim, progress: Progress) -> Missing:
