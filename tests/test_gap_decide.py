@@ -196,10 +196,20 @@ def test_without_repeats_one_experiment_is_held_out():
 
 
 def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
-    pair, one = ("creep", "leak"), ("creep",)
-    assert weigh._helped(pair, one, 0.3) == (one, 0.3)
-    assert weigh._helped(pair, pair, 0.0) == (pair, 0.0)
-    assert weigh._helped(pair, one, np.inf) == (pair, 0.0)  # nobody knows what it does for them
+    fit = SimpleNamespace(ids=("creep", "leak"))
+    logs, moved = np.array([0.0, -30.0, -90.0, -200.0, -300.0, -400.0]), {"creep": 3.0, "leak": 0.1}
+
+    def weighed(alone_deg):
+        apart = {(): 3.0, ("leak",): 3.0, ("creep",): alone_deg}.get
+        return weigh._part(fit, logs, moved, apart, 3.0, GAP_DEG, 0.0, FLOOR_DEG)
+
+    helped, unknown_to_all = weighed(0.25), weighed(np.inf)
+    assert helped.named == unknown_to_all.named == ("creep",)
+    one, two = log_prior(("creep",)), log_prior(("creep", "leak"))
+    assert unknown_to_all.right - two < helped.right - two
+    # The fit is best where nothing is missed, so that only the price differs.
+    assert helped.right == pytest.approx(unknown_to_all.right - two + one)
+    assert helped.missed[1] >= 0.25 > unknown_to_all.missed[1]
 
 
 def test_many_ways_to_make_up_for_a_form_are_no_more_than_the_best():
