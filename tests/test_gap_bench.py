@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,11 +11,18 @@ import pytest
 from spa_fo.fractional import step_response
 from spa_fo.gap.data.searched import searched_spread, to_x, to_z
 from spa_fo.gap.fit.bench import level_prior
-from spa_fo.gap.fit.coefficients import Coefficients, KnownResponse, identified, usual
+from spa_fo.gap.fit.coefficients import (
+    Coefficients,
+    KnownResponse,
+    error_of,
+    identified,
+    usual,
+)
 from spa_fo.gap.fit.problem import most
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.noise.coloured import CORRELATION_S, Scatter, Spectrum
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant import Model
 from spa_fo.plant.paper import TABLE_I
 
 NOISE = BenchNoise(Spectrum(0.01, np.full(CORRELATION_S.size, 0.01)), Scatter(0.01, 0.2, 0.01), 0.2)
@@ -139,3 +147,18 @@ def test_a_scatter_is_hardly_ever_beyond_its_bound(repeats: int) -> None:
     if most(repeats) < most(0):
         assert beyond == pytest.approx(1e-3, rel=0.4)
     assert most(repeats) <= most(0)
+
+
+def test_a_model_says_by_how_much_it_errs() -> None:
+    orders = {"models": [{"rms_deg": 2.0}, {"rms_deg": 0.8}], "independent_samples": 20.0}
+    model = Model("arm", "rubber", TABLE_I["design_1"], 30.0, extra={"orders": orders})
+    assert error_of(model) == pytest.approx(0.4)
+    for unsaid in ({}, {"orders": None}, {"orders": {"models": []}}):
+        assert error_of(replace(model, extra=unsaid)) == 0.0
+
+    def of_gain(error_deg: float) -> float:
+        centre, known = identified(USUAL, NOISE, 6.0, 30.0, error_deg)
+        louder = centre + np.array([0.0, 0.0, 0.0, 0.0, 0.01])
+        return squares(known, louder) - squares(known, centre)
+
+    assert of_gain(2.0) < 0.5 * of_gain(0.0)

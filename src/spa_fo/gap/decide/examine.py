@@ -14,6 +14,7 @@ from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure,
 from spa_fo.gap.decide.verdict import Verdict
 from spa_fo.gap.decide.weigh import decide
 from spa_fo.gap.fit.bench import bench_for
+from spa_fo.gap.fit.coefficients import error_of
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.interference import NONE, fast_line
 from spa_fo.gap.search.drive import Drive, examine_drive, joined
@@ -89,10 +90,13 @@ def examine(
     if evidence.has_pressure and drive is None:
         drive = examine_drive(evidence, excluded, given, pressure)
     own = plain.campaign == campaign.name and _IDENTIFIED in plain.extra
+    # What a model misses of its reference is expected beside it already.
+    error_deg = error_of(plain) if beyond is None else 0.0
 
     def explained() -> Explanations:
         kpa = None if drive is None else drive.pressure_kpa
-        return explain(bench_for(evidence, given, own, kpa, beyond), excluded, _known(earlier, kpa))
+        bench = bench_for(evidence, given, own, kpa, beyond, error_deg)
+        return explain(bench, excluded, _known(earlier, kpa))
 
     found = explained()
     if drive is not None:

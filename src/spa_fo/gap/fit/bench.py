@@ -103,6 +103,7 @@ def bench_for(
     own: bool,
     pressure_kpa: Floats | None,
     beyond: Beyond | None = None,
+    error_deg: float = 0.0,
 ) -> Bench:
     """Make a campaign ready.
 
@@ -118,6 +119,8 @@ def bench_for(
         True pressure, where it is known.
     beyond : Beyond, optional
         What is to be expected beside the bench's own noise.
+    error_deg : float
+        By how much the given model errs by its own identification.
     """
     noise, rows, grid = bench_noise(evidence, given, beyond), rows_of(evidence), evidence.grid
     # Half a trial is about as long as its first step.
@@ -127,7 +130,7 @@ def bench_for(
         centre = coefficients.mean
     else:
         angle = float(np.sqrt(np.mean(grid.angle_deg**2)))
-        centre, coefficients = identified(given, noise, horizon, angle)
+        centre, coefficients = identified(given, noise, horizon, angle, error_deg)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg
     scales = [scatter.gain, scatter.rest_deg, scatter.time_scale, dwell, _SLIP_DEG, 0.5]

@@ -9,6 +9,7 @@ actuator's.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from spa_fo.fractional import step_response
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, searched_spread, to_x, to_z
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant import Model
 from spa_fo.plant.paper import TABLE_I
 
 Floats = NDArray[np.float64]
@@ -99,12 +101,17 @@ def usual(given: Floats, horizon_s: float) -> Coefficients:
 
 
 def identified(
-    given: Floats, noise: BenchNoise, horizon_s: float, angle_deg: float = np.inf
+    given: Floats,
+    noise: BenchNoise,
+    horizon_s: float,
+    angle_deg: float = np.inf,
+    error_deg: float = 0.0,
 ) -> tuple[Floats, Coefficients]:
     """Say what a model that was identified elsewhere tells.
 
     Its gain and time scale are the mean of a few trials, and its angles, about `angle_deg` in size,
-    were read by a sensor calibrated as well as this one.
+    were read by a sensor calibrated as well as this one. By its own identification it errs by
+    `error_deg`, see `error_of`.
 
     Returns
     -------
@@ -115,7 +122,7 @@ def identified(
     """
     gain = float(given[4] / given[3])
     read = (noise.fixture_deg or 0.0) / angle_deg
-    error = float(np.hypot(SETTINGS.response_error, read))
+    error = float(np.linalg.norm([SETTINGS.response_error, read, error_deg / angle_deg]))
     values = step_response(_TIMES_S, *given) / gain
     known, before = (
         KnownResponse(values, gain, error * np.eye(values.size)),
@@ -136,6 +143,20 @@ def identified(
     moved = scatter.time_scale**2 / trials * np.outer(quicker, quicker)
     moved[4, 4] += scatter.gain**2 / trials + read**2
     return z, replace(before, response=known.wider(z, moved))
+
+
+def error_of(model: Model) -> float:
+    """Say by how much a model's response errs by its own identification, RMS, deg.
+
+    That is its residual times the root of coefficients over independent samples, the mean error of
+    what a regression predicts; 0 where the model does not say it.
+    """
+    orders: Any = model.extra.get("orders")
+    try:
+        least = min(float(one["rms_deg"]) for one in orders["models"])
+        return least * float(np.sqrt(5.0 / max(float(orders["independent_samples"]), 5.0)))
+    except (KeyError, TypeError, ValueError):
+        return 0.0
 
 
 def typical(given: Floats, horizon_s: float) -> Floats:
