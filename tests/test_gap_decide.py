@@ -218,3 +218,10 @@ def test_many_ways_to_make_up_for_a_form_are_no_more_than_the_best():
     once, _, _ = answer(PLAIN, rival, found)
     often, _, _ = answer(PLAIN, rival, *[found] * 9)
     assert often[("creep",)] == pytest.approx(once[("creep",)])
+
+
+def test_a_pair_that_stands_in_pays_half_the_price_of_the_second():
+    one, two = log_prior(("creep",)), log_prior(("creep", "leak"))
+    assert weigh._stands_in(("creep",)) == weigh._stands_in() == pytest.approx(one)
+    for ids in (("creep", "leak"), ("creep", "leak", "line_lag")):
+        assert weigh._stands_in(ids) == pytest.approx(0.5 * (one + two))

@@ -7,8 +7,8 @@ where it leaves more. With L(s) the evidence where it misses a share s,
     unknown:  odds · one effect's prior · Σ_s L(s)^T / n,
 
 the first over all shares, those too small to matter counting as none; the second over those that
-matter: a set that stands in for one unknown effect is not judged by how many it holds. No gap is
-the plain model, or what repeats being too small to matter.
+matter: a set of two or more that stands in for one unknown effect has half the price of the second.
+No gap is the plain model, or what repeats being too small to matter.
 """
 
 from __future__ import annotations
@@ -40,8 +40,14 @@ _SHARES = np.array(SHARES)
 _BOTH = float(np.sqrt(2.0))  # what is missed anyway and a change as large add up to this
 
 
-def _stands_in() -> float:
-    return log_prior(tuple(LIBRARY)[:1])
+def _stands_in(ids: Ids = ()) -> float:
+    """How probable it is beforehand that a set stands in for one unknown effect.
+
+    One unknown effect is as probable as a known one, but of what may stand in for it there are more
+    pairs than single effects: with two or more it is half-way between the two prices (learned).
+    """
+    one, two = (log_prior(tuple(LIBRARY)[:count]) for count in (1, 2))
+    return one if len(ids) < 2 else 0.5 * (one + two)
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,7 @@ def _weighed(
     penalty = np.where(small, 0.0, missed / max(missed[-1], 1e-9) / s.right_share)
     scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
     right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
-    unknown = s.temper * logs + _stands_in() + np.log(s.unknown / _SHARES.size)
+    unknown = s.temper * logs + _stands_in(ids) + np.log(s.unknown / _SHARES.size)
     return right, np.where(small, -np.inf, unknown)
 
 
