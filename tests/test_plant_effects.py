@@ -410,7 +410,7 @@ def test_a_late_channel_and_a_slipping_one() -> None:
 NOTHING: dict[str, dict[str, float]] = {
     name: {next(iter(parameters(name))): 0.0} for name in IDS if LIBRARY[name].parameters
 } | {
-    "gravity_load": {"along_rest": 0.0, "across_rest": 0.0},
+    "gravity_load": {"along_rest": 0.0, "across_rest": 0.0, "at_rest": 0.0},
     "contact_stop": {"stiffness": 0.0},
     "sensor_nonlinearity": dict.fromkeys(parameters("sensor_nonlinearity"), 0.0),
     "sensor_slip": {"walk_deg": 0.0, "zero_deg": 0.0},
@@ -736,6 +736,21 @@ def test_a_pressure_takes_the_place_of_command_and_drive() -> None:
     late, _ = driven.readings(X, vector("dead_time"))
     plain, _ = chain_for(grid, X, KPA).readings(X, absent())
     np.testing.assert_array_equal(late, plain)
+
+
+def test_a_weight_that_bends_at_rest_shifts_what_is_linear() -> None:
+    grid = campaign_grid(trials(step_release(), step_release()))
+    hanging = vector("gravity_load", along_rest=0.0, across_rest=0.0, at_rest=0.06)
+    chain = chain_for(grid, X, KPA)
+    bent, past = chain.readings(X, hanging)
+    plain, plain_past = chain.readings(X, absent())
+    # It has hung for long before the first trial; what is left of coming there is little.
+    np.testing.assert_allclose(bent - plain, math.degrees(0.06), rtol=0.02)
+    # One with a past hangs already.
+    later = campaign_grid(trials(step_release()))
+    bent, _ = chain_for(later, X, KPA, memory=past).readings(X, hanging)
+    plain, _ = chain_for(later, X, KPA, memory=plain_past).readings(X, absent())
+    np.testing.assert_allclose(bent - plain, math.degrees(0.06), rtol=0.02)
 
 
 def test_a_pressure_that_stands_in_the_rests_is_that_of_the_drive() -> None:

@@ -24,7 +24,7 @@ from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS
 from spa_fo.plant.effects.own import acting
 from spa_fo.plant.effects.sensor_slip import slipped
 from spa_fo.plant.effects.shared import CREEP_TIMES_S
-from spa_fo.plant.grid import CampaignGrid
+from spa_fo.plant.grid import CampaignGrid, rest_levels
 from spa_fo.plant.memory import MODES, STEPS_S, Contour, contour_for
 from spa_fo.plant.stages import felt_angle, logged_angle, moving_pressure, true_pressure
 
@@ -34,6 +34,8 @@ Integers = NDArray[np.int64]
 _LATENCY = LIBRARY["channel_latency"].slots
 _SLIP = LIBRARY["sensor_slip"].slots
 _PLAY = LIBRARY["drive_backlash"].slots
+_GRAVITY = LIBRARY["gravity_load"].slots
+_HUNG_S = 3600.0  # for which a specimen without a past has hung under its weight
 
 
 @dataclass(frozen=True)
@@ -283,9 +285,21 @@ class Chain:
         width, centre = effects[_PLAY]
         if not math.isnan(width) and not self.is_pressure:
             load[self.grid.cells[steps] == 0] = resting_kpa(width, centre) / self.reference_kpa
+        if math.isnan(memory.ends_s) and effects[_GRAVITY][-1] != 0.0:
+            self._hang(x, effects, memory)
         load = self._pushed(load, x, effects, memory, steps)
         angle = self._move(load, x, effects, memory, steps)
         return angle, replace(memory, ends_s=self.grid.ends_s)
+
+    def _hang(self, x: Floats, effects: Floats, memory: Memory) -> None:
+        """Let the vented actuator come to rest under its weight; `memory` is carried on."""
+        if math.isnan(effects[_GRAVITY][-1]):
+            return
+        level, c = rest_levels(_HUNG_S), self.contour
+        nothing, time_s = np.zeros(level.size), np.full(level.size, self.grid.middle_s[0])
+        state = memory.modes, memory.creep, memory.stops, memory.virgin
+        contour = c.nodes, c.angles, c.weights, c.keep, c.gain
+        move(nothing, nothing, level, time_s, x, effects, *contour, *state)
 
     def _pushed(
         self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice

@@ -194,7 +194,7 @@ def campaign_grid(
     lead = _NO_REST
     if rested_from_s is not None:
         # One step at least: nothing is then read where the state before it would be needed.
-        lead = _rest(max(ordered[0].started_s - rested_from_s, FINEST_STEP_S))
+        lead = rest_levels(max(ordered[0].started_s - rested_from_s, FINEST_STEP_S))
     lengths = STEPS_S[lead]
     level, starts = [lead], [lead.size]
     first_cell, cells = [np.zeros_like(lead)], [np.zeros_like(lead)]
@@ -206,7 +206,7 @@ def campaign_grid(
         ends = np.cumsum(widths)
         samples.append(_average(trial, own, starts[-1]))
         finish = trial.started_s + item.drive.size * FINEST_STEP_S
-        rest = _rest(ordered[i + 1].started_s - finish) if i + 1 < len(ordered) else _NO_REST
+        rest = rest_levels(ordered[i + 1].started_s - finish) if i + 1 < len(ordered) else _NO_REST
         level += [own, rest]
         first_cell += [cell_starts[i] + ends - widths, np.zeros(rest.size, dtype=np.int64)]
         cells += [widths, np.zeros(rest.size, dtype=np.int64)]
@@ -345,7 +345,7 @@ def _corners(drive: Floats, jumps: Integers, least: float) -> Integers:
     return np.array(found, dtype=np.int64)
 
 
-def _rest(seconds: float) -> Integers:
+def rest_levels(seconds: float) -> Integers:
     """Split a rest into steps that grow."""
     left = max(0, round(seconds / FINEST_STEP_S))
     levels, level = [], _FIRST_REST

@@ -137,7 +137,9 @@ def move(
                     moment += part
                     slope += tangent
                 if heavy:
-                    part, tangent = weight_moment(middle, e[GRAVITY_LOAD], e[GRAVITY_LOAD + 1])
+                    part, tangent = weight_moment(
+                        middle, e[GRAVITY_LOAD], e[GRAVITY_LOAD + 1], e[GRAVITY_LOAD + 2]
+                    )
                     moment += part
                     slope += tangent
                 if stopped:

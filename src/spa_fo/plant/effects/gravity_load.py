@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Check, Effect, amplitude
+from spa_fo.plant.effects.effect import Check, Effect, Parameter, amplitude
 
 EFFECT = Effect(
     id="gravity_load",
@@ -29,6 +29,11 @@ EFFECT = Effect(
             start=0.05,
             low=-0.8,
         ),
+        Parameter(
+            *("at_rest", "rad", 0.0, 0.06, -0.8, 0.8),
+            starts=(0.0,),
+            means="angle that the weight bends the vented actuator by",
+        ),
     ),
     name="gravity",
     means="the weight of the actuator or of a mass at its tip adds a moment",
@@ -42,7 +47,8 @@ EFFECT = Effect(
 
 
 @njit
-def weight_moment(angle: float, along: float, across: float) -> tuple[float, float]:
+def weight_moment(angle: float, along: float, across: float, at_rest: float) -> tuple[float, float]:
     """Moment (rad) of a weight at an angle, and its slope."""
     sine, cosine = math.sin(angle), math.cos(angle)
-    return along * sine + across * (1.0 - cosine), along * cosine + across * sine
+    moment = along * sine + across * (1.0 - cosine) - at_rest
+    return moment, along * cosine + across * sine
