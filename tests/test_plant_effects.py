@@ -666,6 +666,7 @@ def ragged(seed: int, samples: int, jumps: int, jitter: float, reset: bool, orde
     longest=st.sampled_from([0, 2, 4]),
 )
 @example(seeds=[0], samples=4, jumps=0, jitter=0.0, reset=False, longest=4)
+@example(seeds=[1, 329], samples=4, jumps=7, jitter=1.0, reset=False, longest=0)  # the last moves
 @settings(max_examples=60, deadline=None)
 def test_steps_cover_the_trials_and_samples_fall_in_one(
     seeds: list[int], samples: int, jumps: int, jitter: float, reset: bool, longest: int

@@ -286,9 +286,8 @@ def _lay(trial: Trial, source: object, held_from_s: Floats | None = None) -> _La
 
 def _held(t_s: Floats, command_kpa: Floats, edges_s: Floats) -> Floats:
     """Average a command that holds from row to row over cells."""
-    held = np.append(np.diff(t_s), FINEST_STEP_S)
-    area = np.concatenate([[0.0], np.cumsum(command_kpa * held)])
-    at = np.append(t_s, t_s[-1] + FINEST_STEP_S)
+    at = np.append(t_s, max(t_s[-1] + FINEST_STEP_S, edges_s[-1]))
+    area = np.concatenate([[0.0], np.cumsum(command_kpa * np.diff(at))])
     return np.asarray(np.diff(np.interp(edges_s, at, area)) / FINEST_STEP_S)
 
 
