@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from blind.judge import Outcome, Truth, score
-from blind.judge.check import CALIBRATION, NO_SHARE
+from blind.judge.check import CALIBRATION, NO_SHARE, SETS, missed_beyond_chance
 from blind.judge.check import main as check
 from blind.judge.classes import DIMENSIONS
 from blind.judge.questions import MEASURES
@@ -218,6 +218,24 @@ def test_what_may_be_chance_is_forgiven_where_that_is_asked(
     checked(quiet_and_alarms(10, 10), tmp_path)
     assert check(["--beyond-chance", path]) == 1
     assert "expected ≤ 0.02, found 0.500" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("measure", "value", "n", "missed"),
+    [
+        (SETS, 2.0, 1, False),  # one answer of two sets: its bootstrap interval has no width
+        (SETS, 1.5, 12, False),
+        (SETS, 2.0, 20, True),
+        ("", 0.9, 2, False),  # a difference between two cases
+        ("", 0.9, 40, True),
+    ],
+)
+def test_a_few_cases_miss_no_mark_by_an_interval_without_width(
+    measure: str, value: float, n: int, missed: bool
+) -> None:
+    estimate = {"value": value, "low": value, "high": value, "n": n}
+    document = {"measure": measure, "goal": 1.3 if measure else 0.05, "at_least": False}
+    assert missed_beyond_chance({**document, "estimate": estimate}, 30) is missed
 
 
 def test_the_mark_that_chance_adds_to_is_the_one_of_that_name() -> None:

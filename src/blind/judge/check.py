@@ -8,15 +8,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from scipy.stats import binomtest
+from scipy.stats import binomtest, poisson
 
 from spa_fo.edge import bad_input_exits
 from spa_fo.errors import BadInput
 
-CALIBRATION = "ece"
-NO_SHARE = (CALIBRATION, "sets", "")
+CALIBRATION, SETS = "ece", "sets"
+NO_SHARE = (CALIBRATION, SETS, "")
 """Measures that are no share of cases; the empty one is the difference between the rigs."""
 _LEVEL = 0.05
+_FEWEST = 10  # cases of both rigs, from which on an interval of their difference means something
 _FEW = 300  # cases with which right probabilities, too, are off by about the goal: chance adds up
 
 
@@ -51,12 +52,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def missed_beyond_chance(mark: Mapping[str, Any], marks: int = 1) -> bool:
     """Whether a goal that is just reached would be missed by so much in less than 5 % of runs.
 
-    A share is held against its goal by the exact binomial test, the 5 % divided among all `marks`
-    that are asked (Bonferroni); what is no share by its interval.
+    A share is held against its goal by the exact binomial test, and a number of sets, beyond the
+    one that there is, by that of Poisson, the 5 % divided among all `marks` that are asked
+    (Bonferroni); what is neither by its interval, which a few cases do not have.
     """
     estimate, goal = mark["estimate"], mark["goal"]
+    if mark["measure"] == SETS:
+        beyond = round((estimate["value"] - 1.0) * estimate["n"])
+        expected = (goal - 1.0) * estimate["n"]
+        return bool(poisson.sf(beyond - 1, expected) < _LEVEL / marks)
     if mark["measure"] in NO_SHARE:
-        few = mark["measure"] == CALIBRATION and estimate["n"] < _FEW
+        few = estimate["n"] < (_FEW if mark["measure"] == CALIBRATION else _FEWEST)
         outside = estimate["high"] < goal if mark["at_least"] else estimate["low"] > goal
         return bool(outside and not few)
     hits = round(estimate["value"] * estimate["n"])
