@@ -13,7 +13,7 @@ INSTALLED := $(VENV)/.installed
 # The system's pip installs into the environment: some systems cannot put a pip into a new one.
 PIP := $(PYTHON) -m pip --python $(BIN)/python --quiet --disable-pip-version-check
 BLIND_COST := (two hours; part: 0.25 in config.yaml, half an hour)
-BLIND_SMALL_COST := (five minutes)
+BLIND_SMALL_COST := (two minutes)
 FIRMWARE_TOOLS := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev gcc libc6-dev
 SLURM_TOOLS := slurm-wlm munge
 APT := DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq -o Acquire::Retries=0 \

@@ -150,10 +150,11 @@ def test_a_scatter_is_hardly_ever_beyond_its_bound(repeats: int) -> None:
 
 
 def test_a_model_says_by_how_much_it_errs() -> None:
-    orders = {"models": [{"rms_deg": 2.0}, {"rms_deg": 0.8}], "independent_samples": 20.0}
+    models = [{"model": "fractional order", "rms_deg": 0.8}, {"model": "other", "rms_deg": 0.1}]
+    orders = {"models": models, "independent_samples": 20.0}
     model = Model("arm", "rubber", TABLE_I["design_1"], 30.0, extra={"orders": orders})
     assert error_of(model) == pytest.approx(0.4)
-    for unsaid in ({}, {"orders": None}, {"orders": {"models": []}}):
+    for unsaid in ({}, {"orders": None}, {"orders": {"models": models[1:]}}):
         assert error_of(replace(model, extra=unsaid)) == 0.0
 
     def of_gain(error_deg: float) -> float:

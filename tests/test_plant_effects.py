@@ -384,6 +384,14 @@ def test_a_sensor_effect_against_its_twin(name: str) -> None:
     np.testing.assert_allclose(read(bending(), vector(name)), slow, atol=0.06)
 
 
+def test_a_film_ahead_is_one_that_lags_mirrored() -> None:
+    lags, ahead = parameters("sensor_hysteresis"), vector("sensor_hysteresis")
+    ahead[LIBRARY["sensor_hysteresis"].first] = -lags["width_deg"]
+    lag = bending() - naive.duhem(bending(), *lags.values())
+    assert np.abs(lag).max() > 0.8
+    np.testing.assert_allclose(read(bending(), ahead) - bending(), lag, atol=0.06)
+
+
 def test_sensor_effects_act_in_order() -> None:
     effects, slow = absent(), bending()
     for name, twin in SENSORS.items():

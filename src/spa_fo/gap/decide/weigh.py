@@ -44,7 +44,8 @@ def _stands_in(ids: Ids = ()) -> float:
     """How probable it is beforehand that a set stands in for one unknown effect.
 
     One unknown effect is as probable as a known one, but of what may stand in for it there are more
-    pairs than single effects: with two or more it is half-way between the two prices (learned).
+    pairs than single effects: with two or more it is half-way between the two prices (set by
+    hand, docs/diagnosis.md).
     """
     one, two = (log_prior(tuple(LIBRARY)[:count]) for count in (1, 2))
     return one if len(ids) < 2 else 0.5 * (one + two)

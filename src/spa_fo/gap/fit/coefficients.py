@@ -20,7 +20,8 @@ from spa_fo.fractional import step_response
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, searched_spread, to_x, to_z
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant import Model
+from spa_fo.identify import selection
+from spa_fo.plant import PARAMETERS, Model
 from spa_fo.plant.paper import TABLE_I
 
 Floats = NDArray[np.float64]
@@ -148,14 +149,15 @@ def identified(
 def error_of(model: Model) -> float:
     """Say by how much a model's response errs by its own identification, RMS, deg.
 
-    That is its residual times the root of coefficients over independent samples, the mean error of
-    what a regression predicts; 0 where the model does not say it.
+    That is the residual of the fractional order times the root of coefficients over independent
+    samples, the mean error of what a regression predicts; 0 where the model does not say it.
     """
-    orders: Any = model.extra.get("orders")
+    orders: Any = model.extra.get(selection.KEY)
     try:
-        least = min(float(one["rms_deg"]) for one in orders["models"])
-        return least * float(np.sqrt(5.0 / max(float(orders["independent_samples"]), 5.0)))
-    except (KeyError, TypeError, ValueError):
+        left = {one["model"]: float(one["rms_deg"]) for one in orders["models"]}
+        share = len(PARAMETERS) / float(orders["independent_samples"])
+        return left[selection.FRACTIONAL] * float(np.sqrt(min(share, 1.0)))
+    except (KeyError, TypeError, ValueError, ZeroDivisionError):
         return 0.0
 
 

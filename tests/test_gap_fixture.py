@@ -1,0 +1,54 @@
+"""The sensor in the calibration fixture, in rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import naive_rig
+import numpy as np
+import pytest
+
+from spa_fo.gap.data.fixture import Fixture, fixture_of
+from spa_fo.plant.effects.library import absent
+from spa_fo.rig import Calibration
+from spa_fo.rig.calibration import calibrate
+from spa_fo.rig.spa_rig_log import parse_spa_rig_log
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    log = parse_spa_rig_log(naive_rig.calibration_log(), "pre.log")
+    return calibrate(log.t_s, log.columns["angle_deg"], log.columns["flex_adc"], "pre.log")
+
+
+def laid_out(*calibrations: Calibration) -> Fixture:
+    fixture = fixture_of(calibrations, 1000.0)
+    assert fixture is not None
+    return fixture
+
+
+def test_how_the_first_dwell_settles_says_nothing(calibration: Calibration) -> None:
+    fixture = laid_out(calibration)
+    first = fixture.dwell == 0
+    # Its weight beside all others is nothing; those are known to a fraction of a degree.
+    weight = fixture.sigma_deg**-2.0
+    assert weight[first].sum() < 1e-3 * weight[~first].sum()
+    assert fixture.sigma_deg[~first].max() < 1.0
+
+
+def test_only_the_first_dwell_of_each_calibration(calibration: Calibration) -> None:
+    fixture = laid_out(calibration, replace(calibration, started_s=500.0))
+    unsure = np.unique(fixture.dwell[fixture.sigma_deg > 1.0])
+    assert unsure.tolist() == [0, len(calibration.dwells)]
+
+
+def test_without_an_effect_nothing_is_to_be_seen(calibration: Calibration) -> None:
+    fixture = laid_out(calibration)
+    seen, mounting = fixture.simulate(absent())
+    assert seen.shape == fixture.deviation_deg.shape
+    assert not seen.any()
+    assert mounting.logged_deg(np.array([30.0])) == pytest.approx([30.0])
+
+
+def test_no_calibration_no_fixture() -> None:
+    assert fixture_of((), 0.0) is None
