@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import naive_rig
 import numpy as np
 import pytest
 
+import naive_rig
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.effects.library import absent
 from spa_fo.rig import Calibration
