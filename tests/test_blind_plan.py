@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -51,13 +52,15 @@ PLAN = {
     "withheld": {"sizes": [4, 8]},
     "alien": {"sizes": [4]},
     "pair": 6,
+    "several": 4,
 }
 
 
 def test_every_rig_has_the_same_make_up() -> None:
     cases = plan_cases(PLAN)
     kinds = {rig: Counter(case.asked["kind"] for case in cases if case.rig == rig) for rig in RIGS}
-    expected = {"no_effect": 8, "closed": 4 * 5 + 2 * 5, "withheld": 5, "alien": 2, "pair": 6}
+    expected = {"no_effect": 8, "closed": 4 * 5 + 2 * 5, "withheld": 5, "alien": 2}
+    expected |= {"pair": 6, "several": 4}
     assert kinds == dict.fromkeys(RIGS, expected)
 
 
@@ -89,7 +92,7 @@ def test_a_part_has_every_kind_every_effect_and_every_size() -> None:
 def test_protocols_are_those_that_the_lists_ask_for() -> None:
     for case in plan_cases(PLAN):
         name = case.asked["protocol"]["name"]
-        if case.asked["kind"] in ("withheld", "alien", "pair"):
+        if case.asked["kind"] in ("withheld", "alien", "pair", "several"):
             assert name in RICH
         if name in RICH:
             assert case.asked["protocol"]["repeats"] >= 2
@@ -111,10 +114,13 @@ def test_a_shifted_specimen_is_never_identified_on_its_own_campaign() -> None:
     assert "own" not in models
 
 
-def test_pairs_can_be_told_apart() -> None:
-    pairs = [case.asked["effects"] for case in plan_cases(PLAN | {"pair": 60})]
-    pairs = [pair for pair in pairs if len(pair) == 2]
-    assert len(pairs) == 120
+@pytest.mark.parametrize(("kind", "counts"), [("pair", {2}), ("several", {3, 4, 5})])
+def test_effects_that_act_together_can_be_told_apart(kind: str, counts: set[int]) -> None:
+    cases = [case.asked for case in plan_cases(PLAN | {kind: 60}) if case.asked["kind"] == kind]
+    assert len(cases) == 120
+    assert {len(asked["effects"]) for asked in cases} <= counts
+    assert all(len(asked["sizes"]) == len(asked["effects"]) for asked in cases)
+    pairs = [pair for asked in cases for pair in combinations(asked["effects"], 2)]
     assert not any(confounded(*pair) or "parameter_shift" in pair for pair in pairs)
 
 

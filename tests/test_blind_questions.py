@@ -14,6 +14,7 @@ from blind.judge.questions import (
     one_named,
     right_first,
     right_stage,
+    rightly_named,
     wrong_name,
 )
 from blind_records import CREEP, ERROR, NOTHING, UNKNOWN, answer, ids, truth
@@ -65,6 +66,14 @@ ALIEN = truth("pump_ripple", kind="alien")
 def test_wrong_names_and_fair_answers(case: Truth, given: Answer, wrong: bool, fair: bool) -> None:
     assert wrong_name(case, given) is wrong
     assert fair_or_unknown(case, given) is fair
+
+
+def test_of_several_some_may_be_named_and_nothing_else() -> None:
+    several = truth("creep", "leak", "hysteresis", kind="several", size=None)
+    assert rightly_named(several, answer(["creep", "leak"]))
+    assert not rightly_named(several, answer(["creep", "sensor_lag"]))
+    assert not rightly_named(several, answer(["creep", "leak"], verdict="unknown"))
+    assert not rightly_named(several, answer())
 
 
 def test_the_first_explanation_is_right_by_kind_of_case() -> None:

@@ -34,6 +34,7 @@ writes every case of a plan:
   withheld: {sizes: [4, 8]}        # each effect once, taken out of the library
   alien: {sizes: [4, 8]}           # each foreign effect once
   pair: 10
+  several: 10                      # three to five effects at once
 """
 
 
@@ -84,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--seed", type=int, default=1, help="seed of all that is random [1]")
     one.add_argument("--name", default="case_0001", help="its name [case_0001]")
     one.add_argument("--kind", choices=KINDS, help="[closed, or no_effect without --effect]")
-    one.add_argument("--effect", action="append", default=[], help="an effect; twice for a pair")
+    one.add_argument("--effect", action="append", default=[], help="an effect; again for more")
     one.add_argument("--size", type=float, default=4.0, help="multiples of the noise floor [4]")
     one.add_argument("--protocol", choices=PROTOCOL_NAMES, default="rich", help="[rich]")
     return parser
@@ -92,8 +93,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _case(given: argparse.Namespace) -> Case:
     effects = tuple(given.effect)
-    kind = given.kind or ("no_effect", "closed", "pair")[min(len(effects), 2)]
-    if len(effects) != {"no_effect": 0, "pair": 2}.get(kind, 1):
+    kind = given.kind or ("no_effect", "closed", "pair", "several")[min(len(effects), 3)]
+    if kind != "several" and len(effects) != {"no_effect": 0, "pair": 2}.get(kind, 1):
         raise ValueError(f"a case of kind {kind} has another number of effects: {len(effects)}")
     rig = rig_named(given.rig)
     known = tuple(rig.FOREIGN) if kind == "alien" else (*rig.EFFECTS, *further_of(rig))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,10 @@ from blind.rigs import RIGS, further_of, rig_named
 from blind.surroundings import PROTOCOL_NAMES, RICH, draw_model, draw_protocol, draw_surroundings
 
 SCHEMA = "spa-fo/blind-case/1"
-KINDS = ("no_effect", "closed", "withheld", "alien", "pair")
+KINDS = ("no_effect", "closed", "withheld", "alien", "pair", "several")
 
-_PAIR_SIZES = (2.0, 8.0)
+_TOGETHER = (2.0, 8.0)  # sizes of effects that act together, each alone
+_SEVERAL = (3, 5)  # so many of them
 _POOR = tuple(name for name in PROTOCOL_NAMES if name not in RICH)
 _SHIFT = "parameter_shift"
 
@@ -51,8 +53,9 @@ class BenchmarkPlan:
         Names of the rigs that make them.
     part : float
         Share of each kind's cases that is made, from the start of its list; at least one of each.
-    no_effect, pair : int
-        Cases without any effect, on every protocol; with two, of 2 to 8 floors, on rich ones.
+    no_effect, pair, several : int
+        Cases without any effect, on every protocol; with two, and with three to five, of 2 to 8
+        floors each, on rich ones.
     closed : tuple of float
         Sizes at which each effect of the library is tried on a rich protocol.
     other : tuple of float
@@ -75,6 +78,7 @@ class BenchmarkPlan:
     withheld: tuple[float, ...] = ()
     alien: tuple[float, ...] = ()
     pair: int = 0
+    several: int = 0
     further: tuple[float, ...] = ()
 
 
@@ -165,7 +169,12 @@ def _cases_of(plan: BenchmarkPlan, rig: str) -> Iterator[Case]:
         "other": lambda: _each(rig_named(rig).EFFECTS, plan.other),
         "withheld": lambda: _one_each(rig_named(rig).EFFECTS, plan.withheld),
         "alien": lambda: _one_each(tuple(rig_named(rig).FOREIGN), plan.alien),
-        "pair": lambda: _pairs(plan.pair, rig_named(rig).EFFECTS, _stream(plan, rig, "pairs")),
+        "pair": lambda: _together(
+            plan.pair, (2, 2), rig_named(rig).EFFECTS, _stream(plan, rig, "pairs")
+        ),
+        "several": lambda: _together(
+            plan.several, _SEVERAL, rig_named(rig).EFFECTS, _stream(plan, rig, "several effects")
+        ),
         "further": lambda: _each(further_of(rig_named(rig)), plan.further),
     }
     for name, make in lists.items():
@@ -218,20 +227,23 @@ def _one_each(
         yield from (((effect,), (sizes[i % len(sizes)],)) for i, effect in enumerate(effects))
 
 
-def _pairs(
-    count: int, effects: tuple[str, ...], rng: np.random.Generator
+def _together(
+    count: int, among: tuple[int, int], effects: tuple[str, ...], rng: np.random.Generator
 ) -> Iterator[tuple[tuple[str, ...], tuple[float, ...]]]:
-    """Draw pairs that can be told apart; a shifted specimen goes with any other anyhow."""
+    """Draw so many sets of effects that can be told apart, of sizes from one to the other.
+
+    A shifted specimen goes with any other anyhow.
+    """
     names = [name for name in effects if name != _SHIFT]
-    low, high = np.log(_PAIR_SIZES)
+    low, high = np.log(_TOGETHER)
     for _ in range(count):
-        one, other = _two(names, rng)
-        while confounded(one, other):
-            one, other = _two(names, rng)
-        first, second = np.exp(rng.uniform(low, high, 2)).round(3).tolist()
-        yield (one, other), (first, second)
+        drawn = _drawn(names, among, rng)
+        while any(confounded(one, other) for one, other in combinations(drawn, 2)):
+            drawn = _drawn(names, among, rng)
+        yield drawn, tuple(np.exp(rng.uniform(low, high, len(drawn))).round(3).tolist())
 
 
-def _two(names: list[str], rng: np.random.Generator) -> tuple[str, str]:
-    first, second = rng.permutation(len(names))[:2].tolist()
-    return names[first], names[second]
+def _drawn(names: list[str], among: tuple[int, int], rng: np.random.Generator) -> tuple[str, ...]:
+    few, many = among
+    count = few if few == many else int(rng.integers(few, many + 1))
+    return tuple(names[place] for place in rng.permutation(len(names))[:count].tolist())

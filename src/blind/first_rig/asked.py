@@ -15,7 +15,8 @@ from blind.first_rig.measured_effects import MEASURED_EFFECTS
 from spa_fo.virtual_rig.bench import Scatter
 
 SCHEMA = "spa-fo/blind-case/1"
-KINDS = ("no_effect", "closed", "withheld", "alien", "pair")
+KINDS = ("no_effect", "closed", "withheld", "alien", "pair", "several")
+_COUNTS = {"no_effect": (0, 0), "pair": (2, 2), "several": (3, 5)}  # of effects; else one
 PROTOCOLS = ("up_steps", "releases", "rich", "everything", "single")
 ORDERS = ("interleaved", "blocked")
 MODELS = ("own", "earlier", "off")
@@ -125,9 +126,10 @@ def read_document(document: Mapping[str, Any]) -> Asked:
         off=float(model["off"]) if model["kind"] == "off" else 0.0,
         surroundings=_surroundings(document["surroundings"]),
     )
-    count = {"no_effect": 0, "pair": 2}.get(asked.kind, 1)
-    if len(asked.effects) != count or len(asked.sizes) != count:
-        raise ValueError(f"a case of kind {asked.kind} has {count} effects, each with a size")
+    few, many = _COUNTS.get(asked.kind, (1, 1))
+    if not few <= len(asked.effects) <= many or len(asked.sizes) != len(asked.effects):
+        counted = f"{few}" if few == many else f"{few} to {many}"
+        raise ValueError(f"a case of kind {asked.kind} has {counted} effects, each with a size")
     named = tuple(FOREIGN_EFFECTS) if asked.kind == "alien" else (*FORMS["a"], *MEASURED_EFFECTS)
     for effect in asked.effects:
         _known("effects", effect, named)

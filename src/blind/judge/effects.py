@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from blind.judge.questions import MEASURES, Question, found, in_sets, right_first
-from blind.judge.records import ERROR, Answer, Outcome, Truth
+from blind.judge.records import ERROR, TOGETHER, Answer, Outcome, Truth
 from blind.judge.statistics import Estimate
 from blind.judge.targets import (
     LARGE,
@@ -79,12 +79,12 @@ class EffectScore:
 
 
 def effect_scores(outcomes: Sequence[Outcome]) -> tuple[EffectScore, ...]:
-    """Score every effect but pairs on every rig, the worst first."""
+    """Score every single effect on every rig, the worst first."""
     scores = []
     for rig, own in by_rig(outcomes).items():
         members: dict[str, list[Outcome]] = {}
         for outcome in own:
-            if outcome.truth.kind != "pair":
+            if outcome.truth.kind not in TOGETHER:
                 members.setdefault(row(outcome.truth), []).append(outcome)
         scores += [_effect_score(rig, effect, of_it) for effect, of_it in members.items()]
     return tuple(sorted(scores, key=_badness))

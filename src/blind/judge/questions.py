@@ -84,7 +84,12 @@ def abstained(_: Truth, answer: Answer) -> bool:
 
 def fair_or_unknown(truth: Truth, answer: Answer) -> bool:
     """Whether it said that it does not know, or named nothing but fair answers."""
-    return abstained(truth, answer) or (answer.names and all(map(truth.fair, answer.sets)))
+    return abstained(truth, answer) or rightly_named(truth, answer)
+
+
+def rightly_named(truth: Truth, answer: Answer) -> bool:
+    """Whether it named something, and nothing that is not at work."""
+    return answer.names and all(map(truth.fair, answer.sets))
 
 
 def one_named(truth: Truth, answer: Answer) -> bool:
@@ -211,6 +216,7 @@ MEASURES: Mapping[str, Measure] = {
     "wrong_name": share_of(wrong_name),
     "unknown": share_of(abstained),
     "fair_or_unknown": share_of(fair_or_unknown),
+    "rightly_named": share_of(rightly_named),
     "one_named": share_of(one_named),
     "ece": calibration_error,
     "shrink_close": claims_close,

@@ -11,7 +11,10 @@ Ids = frozenset[str]
 NONE: Ids = frozenset({"none"})
 UNKNOWN: Ids = frozenset({"unknown"})
 SHIFT: Ids = frozenset({"parameter_shift"})
-KINDS = ("closed", "no_effect", "withheld", "alien", "pair")
+KINDS = ("closed", "no_effect", "withheld", "alien", "pair", "several")
+TOGETHER = ("pair", "several")
+"""Kinds of more than one effect."""
+
 VERDICTS = ("no_gap", "cause", "ambiguous", "unknown")
 ERROR = "error"
 """Verdict of a diagnosis that ended in an error: an answer too."""
@@ -76,7 +79,8 @@ class Truth:
         case, before any diagnosis.
     size : float or None
         RMS change of the angle in multiples of the noise floor: as asked where it was reached,
-        else the power of two below what was; None without an effect and for pairs.
+        else the power of two below what was; None without an effect and with more
+        than one.
     noise_floor_deg : float
         By which repeated trials of the specimen differ.
     protocol : str

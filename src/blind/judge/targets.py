@@ -113,6 +113,10 @@ _BY_NAME = (
     _at_most(0.08, f"{_MISSING}: wrong confident name", missing, "wrong_name"),
     _at_least(0.75, f"{_MISSING}: unknown or equal", missing, "fair_or_unknown"),
     _at_least(0.70, "pair: both named", cases("pair"), "in_sets"),
+    _at_least(
+        0.70, "three to five effects: named, none wrongly", cases("several"), "rightly_named"
+    ),
+    _at_most(0.08, "three to five effects: wrong confident name", cases("several"), "wrong_name"),
     _at_least(0.90, "shrink: claim within 10 points of realised", everything, "shrink_close"),
     _at_least(0.90, "shrink: 95 % interval holds the realised", everything, "shrink_covered"),
     _at_most(0.05, "probabilities: calibration error", everything, "ece"),

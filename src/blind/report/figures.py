@@ -29,6 +29,7 @@ _KINDS = {
     "withheld": ("effect withheld", VERMILION, "v"),
     "alien": ("foreign effect", PURPLE, "^"),
     "pair": ("pair", GREEN, "D"),
+    "several": ("three to five", SKY, "P"),
 }
 _CURVES = {
     "found": ("found", BLACK, "-"),

@@ -11,6 +11,7 @@ KIND_NAMES = {
     "withheld": "effect withheld",
     "alien": "foreign effect",
     "pair": "pair of effects",
+    "several": "three to five effects",
 }
 PROTOCOL_NAMES = {"rich": "rich protocols", "other": "other protocols"}
 REACHED = {True: "yes", False: "no", None: None}
