@@ -80,7 +80,7 @@ def part(named, logs):
     """An explanation whose log evidence is `logs`, by the share that it misses."""
     missed = weigh._missed(GAP_DEG, 0.0)
     right, unknown = weigh._weighed(named, np.array(logs), missed, FLOOR_DEG)
-    return weigh._Part(named, right, unknown, None, {}, 0.0, missed)
+    return weigh._Part(named, named, right, unknown, None, {}, 0.0, missed)
 
 
 def answer(*parts):
@@ -107,7 +107,7 @@ def test_a_smooth_error_is_no_small_one_as_a_small_share_fits_it_best():
     for left_deg in (0.0, 0.9 * GAP_DEG):
         missed = weigh._missed(GAP_DEG, left_deg)
         right, unknown = weigh._weighed((), logs, missed, FLOOR_DEG)
-        plain = weigh._Part((), right, unknown, None, {}, 0.0, missed)
+        plain = weigh._Part((), (), right, unknown, None, {}, 0.0, missed)
         alike.append(answer(plain)[2])
     assert alike[0] < 0.5 < alike[1]
 
@@ -126,7 +126,7 @@ def test_structure_that_is_too_small_is_no_gap():
     for gap_deg, alone in ((0.1 * FLOOR_DEG, True), (4.0 * FLOOR_DEG, False)):
         missed = weigh._missed(gap_deg, 0.0)
         right, unknown = weigh._weighed((), logs, missed, FLOOR_DEG)
-        plain = weigh._Part((), right, unknown, None, {}, 0.0, missed)
+        plain = weigh._Part((), (), right, unknown, None, {}, 0.0, missed)
         named, _, elsewhere = weigh._normalised([plain], FLOOR_DEG)
         assert (named[()] > 0.9) is alone
         assert (elsewhere < 0.1) is alone
@@ -225,3 +225,43 @@ def test_a_pair_that_stands_in_pays_half_the_price_of_the_second():
     assert weigh._stands_in(("creep",)) == weigh._stands_in() == pytest.approx(one)
     for ids in (("creep", "leak"), ("creep", "leak", "line_lag")):
         assert weigh._stands_in(ids) == pytest.approx(0.5 * (one + two))
+
+
+def test_of_effects_that_stand_in_for_each_other_one_is_named():
+    apart = {
+        ("contact_stop", "sensor_lag"): 0.02,
+        ("contact_stop", "channel_latency"): 0.03,
+        ("sensor_lag", "channel_latency"): 3.0,
+        ("contact_stop",): 2.2,
+        ("sensor_lag",): 3.1,
+        ("channel_latency",): 3.2,
+    }
+    triple = ("contact_stop", "sensor_lag", "channel_latency")
+    assert weigh._enough(triple, apart.__getitem__, 0.1) == ("contact_stop", "sensor_lag")
+    assert weigh._enough(triple, apart.__getitem__, 0.01) == triple
+
+
+def test_what_goes_with_the_order_is_an_effect_more_beside_a_set():
+    def unknown_by_order(ids):
+        fit = SimpleNamespace(
+            ids=ids,
+            logs=np.array([0.0, -30.0, -90.0, -200.0, -300.0, -400.0]),
+            shared_deg=np.array([float(len(ids))]),
+            moved_deg=dict.fromkeys(ids, 2.0),
+            left_deg=0.0,
+            trend_deg=FLOOR_DEG,
+            trend_nats=0.0,
+        )
+        bench = SimpleNamespace(
+            noise=SimpleNamespace(spectrum=SimpleNamespace(repeats=3)),
+            evidence=SimpleNamespace(grid=SimpleNamespace(counts=np.ones(1))),
+            gap_deg=GAP_DEG,
+        )
+        (one,) = weigh._of_angle(
+            SimpleNamespace(bench=bench, fits={ids: fit}, excluded=()), FLOOR_DEG
+        )
+        return one.unknown[-1]
+
+    for ids in (("creep",), ("creep", "leak"), ("creep", "leak", "line_lag")):
+        odds = np.log(SETTINGS.unknown * SETTINGS.trend)
+        assert unknown_by_order(ids) == pytest.approx(log_prior(ids) + odds)

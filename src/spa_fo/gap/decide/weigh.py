@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,7 @@ class _Part:
     """What the angle, or the pressure, says of one explanation."""
 
     named: Ids
+    priced: Ids  # what it costs beforehand
     right: float
     unknown: Floats
     fit: Fitted | DriveFit
@@ -107,9 +108,8 @@ def _part(
     without it, against `all_deg`, what all of them do.
     """
     s, ids, named = SETTINGS, fit.ids, _that_move(moved, floor_deg)
-    if len(ids) > 1:
-        least = max(s.needed * floor_deg, s.needed_of_all * all_deg)
-        named = tuple(n for n in named if apart(tuple(m for m in ids if m != n)) >= least)
+    least = max(s.needed * floor_deg, s.needed_of_all * all_deg)
+    named = _enough(named, apart, least)
     if ids and not named:
         return None
     # What moves too little to be named makes up for the form of what is: it has no price
@@ -120,7 +120,14 @@ def _part(
     missed = _missed(gap_deg, max(left_deg, helped))
     right, unknown = _weighed(priced, logs, missed, floor_deg, repeats)
     left = float(missed[int(np.argmax(logs))])
-    return _Part(named, right, unknown, fit, {n: moved[n] for n in named}, left, missed)
+    return _Part(named, priced, right, unknown, fit, {n: moved[n] for n in named}, left, missed)
+
+
+def _enough(named: Ids, apart: Callable[[Ids], float], least_deg: float) -> Ids:
+    """Take the fewest of a set's effects that do as well as all of it."""
+    fewer = [m for size in range(1, len(named)) for m in combinations(named, size)]
+    enough = [m for m in fewer if apart(m) < least_deg]
+    return min(enough, key=lambda m: (len(m), apart(m)), default=named)
 
 
 def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
@@ -145,14 +152,16 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
             continue
         if set(ids) & set(found.excluded):
             beyond = s.temper * float(f.logs.max()) + _stands_in()
-            parts.append(_Part(ids, -np.inf, np.array([beyond]), f, {}, 0.0, _missed(0.0, 0.0)))
+            nothing = _missed(0.0, 0.0)
+            parts.append(_Part(ids, ids, -np.inf, np.array([beyond]), f, {}, 0.0, nothing))
             continue
         logs, own = f.logs - price(f), partial(apart, f)
         sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg
         part = _part(f, logs, f.moved_deg, own, *sizes, repeats)
         if part is not None and f.trend_deg > s.no_gap * floor_deg:
-            # What goes with the trials' order is structure that is left, too.
-            beside = s.temper * (float(logs.max()) + f.trend_nats) + _stands_in()
+            # What goes with the trials' order is structure that is left, too: an unknown effect
+            # beside a set, which has its price.
+            beside = s.temper * (float(logs.max()) + f.trend_nats) + log_prior(part.priced)
             unknown = np.append(part.unknown, beside + np.log(s.unknown * s.trend))
             left = float(np.hypot(part.left_deg, f.trend_deg))
             part = replace(part, unknown=unknown, left_deg=left)
