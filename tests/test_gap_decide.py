@@ -201,7 +201,8 @@ def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
 
     def weighed(alone_deg):
         apart = {(): 3.0, ("leak",): 3.0, ("creep",): alone_deg}.get
-        return weigh._part(fit, logs, moved, apart, 3.0, GAP_DEG, 0.0, FLOOR_DEG)
+        worth = dict.fromkeys([("leak",), ("creep",)], 0.0).get
+        return weigh._part(fit, logs, moved, apart, worth, 3.0, GAP_DEG, 0.0, FLOOR_DEG)
 
     helped, unknown_to_all = weighed(0.25), weighed(np.inf)
     assert helped.named == unknown_to_all.named == ("creep",)
@@ -236,9 +237,15 @@ def test_of_effects_that_stand_in_for_each_other_one_is_named():
         ("sensor_lag",): 3.1,
         ("channel_latency",): 3.2,
     }
+    worth = dict.fromkeys(apart, 0.0) | {("contact_stop", "channel_latency"): 1.0}
     triple = ("contact_stop", "sensor_lag", "channel_latency")
-    assert weigh._enough(triple, apart.__getitem__, 0.1) == ("contact_stop", "sensor_lag")
-    assert weigh._enough(triple, apart.__getitem__, 0.01) == triple
+
+    def enough(least_deg):
+        return weigh._enough(triple, apart.__getitem__, worth.__getitem__, least_deg)
+
+    assert enough(0.1) == ("contact_stop", "channel_latency")
+    assert enough(0.025) == ("contact_stop", "sensor_lag")
+    assert enough(0.01) == triple
 
 
 def test_what_goes_with_the_order_is_an_effect_more_beside_a_set():

@@ -95,6 +95,7 @@ def _part(
     logs: Floats,
     moved: Mapping[str, float],
     apart: Callable[[Ids], float],
+    worth: Callable[[Ids], float],
     all_deg: float,
     gap_deg: float,
     left_deg: float,
@@ -104,12 +105,12 @@ def _part(
     """Weigh one fit by what it is named for; None where another is worth as much without it.
 
     `apart` says by how much the fit of some of its effects alone differs, deg: infinite where there
-    is none. An effect is named where it moves the angle, and where the others do not do as well
-    without it, against `all_deg`, what all of them do.
+    is none; `worth` what that is worth, nats. An effect is named where it moves the angle, and
+    where the others do not do as well without it, against `all_deg`, what all of them do.
     """
     s, ids, named = SETTINGS, fit.ids, _that_move(moved, floor_deg)
     least = max(s.needed * floor_deg, s.needed_of_all * all_deg)
-    named = _enough(named, apart, least)
+    named = _enough(named, apart, worth, least)
     if ids and not named:
         return None
     # What moves too little to be named makes up for the form of what is: it has no price
@@ -123,11 +124,13 @@ def _part(
     return _Part(named, priced, right, unknown, fit, {n: moved[n] for n in named}, left, missed)
 
 
-def _enough(named: Ids, apart: Callable[[Ids], float], least_deg: float) -> Ids:
-    """Take the fewest of a set's effects that do as well as all of it."""
+def _enough(
+    named: Ids, apart: Callable[[Ids], float], worth: Callable[[Ids], float], least_deg: float
+) -> Ids:
+    """Take the fewest of a set's effects that do as well as all of it; the best of these."""
     fewer = [m for size in range(1, len(named)) for m in combinations(named, size)]
     enough = [m for m in fewer if apart(m) < least_deg]
-    return min(enough, key=lambda m: (len(m), apart(m)), default=named)
+    return min(enough, key=lambda m: (len(m), -worth(m)), default=named)
 
 
 def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
@@ -147,6 +150,9 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         change = one.shared_deg - found.fits[other].shared_deg
         return float(np.sqrt(np.average(change**2, weights=weight)))
 
+    def worth(ids: Ids) -> float:
+        return float(found.fits[ids].logs.max())
+
     for ids, f in found.fits.items():
         if not np.isfinite(f.logs).all():
             continue
@@ -157,7 +163,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
             continue
         logs, own = f.logs - price(f), partial(apart, f)
         sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg
-        part = _part(f, logs, f.moved_deg, own, *sizes, repeats)
+        part = _part(f, logs, f.moved_deg, own, worth, *sizes, repeats)
         if part is not None and f.trend_deg > s.no_gap * floor_deg:
             # What goes with the trials' order is structure that is left, too: an unknown effect
             # beside a set, which has its price.
@@ -179,6 +185,9 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]
         known = drive.fits.get(other)
         return float("inf") if known is None else moved(one, known.predicted_kpa)
 
+    def worth(ids: Ids) -> float:
+        return float(drive.fits[ids].evidence.max())
+
     def without(one: DriveFit, name: str) -> Floats:
         less = one.effects.copy()
         less[LIBRARY[name].slots] = np.nan
@@ -188,7 +197,7 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]
     for f in drive.fits.values():
         by_name = {name: moved(f, without(f, name)) for name in f.ids}
         sizes = gap_deg, gap_deg, per_kpa_deg * f.left_kpa, floor_deg
-        parts.append(_part(f, f.evidence, by_name, partial(apart, f), *sizes))
+        parts.append(_part(f, f.evidence, by_name, partial(apart, f), worth, *sizes))
     return [part for part in parts if part is not None]
 
 
