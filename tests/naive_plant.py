@@ -46,13 +46,14 @@ def slew(signal, rise, ratio, approach):
     return np.array(out)
 
 
-def droop(signal, fraction, recovery, slow_share):
+def droop(signal, fraction, recovery_s, slow_share, exponent):
     out, before, quick, slow = [], 0.0, 0.0, 0.0
     for value in signal:
-        rise = max(value - before, 0.0)
-        before = value
-        quick += fraction * (1.0 - slow_share) * rise - MS * quick / recovery
-        slow += fraction * slow_share * rise - MS * slow / (5.0 * recovery)
+        asked = 30.0 * (max(value, 0.0) / 30.0) ** exponent
+        rise = max(asked - before, 0.0)
+        before = asked
+        quick += fraction * (1.0 - slow_share) * rise - MS * quick / recovery_s
+        slow += fraction * slow_share * rise - MS * slow / (5.0 * recovery_s)
         if quick + slow > max(value, 0.0):
             shrink = max(value, 0.0) / (quick + slow)
             quick, slow = quick * shrink, slow * shrink

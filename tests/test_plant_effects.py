@@ -68,7 +68,7 @@ DRIVES = {
         naive.low_pass(s, p["time_constant_s"] * (1.0 - p["second_pole"])),
         p["time_constant_s"] * p["second_pole"],
     ),
-    "supply_droop": lambda s, p: naive.droop(s, p["fraction"], p["recovery_s"], p["slow_share"]),
+    "supply_droop": lambda s, p: naive.droop(s, **p),
     "leak": lambda s, p: naive.leak(s, p["rate_per_s"], p["makeup_per_s"]),
     "slew_limit": lambda s, p: naive.slew(s, p["rise_kpa_s"], p["fall_ratio"], p["approach_s"]),
     "drive_backlash": lambda s, p: naive.play(s, p["play_kpa"], p["centre"]),
@@ -465,7 +465,7 @@ def test_what_pressure_does_while_the_command_is_held() -> None:
     command = step_release()
     held = slice(26, 220)
     droop, leak = pressure(command, vector("supply_droop")), pressure(command, vector("leak"))
-    assert droop[26] == pytest.approx((1.0 - 0.12) * SIXTY, rel=0.01)
+    assert droop[26] == pytest.approx(SIXTY - 0.12 * 30.0 * (SIXTY / 30.0) ** 1.3, rel=0.01)
     assert (np.diff(droop[held]) > 0.0).all()
     assert (np.diff(leak[held]) < 0.0).all()
     assert leak[26] == pytest.approx(SIXTY, rel=0.01)

@@ -48,7 +48,8 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     if not math.isnan(e[SLEW_LIMIT]):
         slew(p, starts, e[SLEW_LIMIT], e[SLEW_LIMIT + 1], e[SLEW_LIMIT + 2])
     if not math.isnan(e[SUPPLY_DROOP]):
-        droop(p, starts, e[SUPPLY_DROOP], e[SUPPLY_DROOP + 1], e[SUPPLY_DROOP + 2])
+        fraction, recovery, slow, exponent = e[SUPPLY_DROOP : SUPPLY_DROOP + 4]
+        droop(p, starts, fraction, recovery, slow, exponent)
     if not math.isnan(e[LINE_LAG]):
         slow, fast = poles(e[LINE_LAG], e[LINE_LAG + 1])
         low_pass(p, starts, slow)

@@ -16,7 +16,7 @@ EFFECT = Effect(
         amplitude(
             "fraction",
             "1",
-            "part of a rise of pressure that is missing at first",
+            "part of a rise from 0 to 30 kPa that is missing at first",
             spread=0.1,
             high=0.6,
             start=0.05,
@@ -31,6 +31,15 @@ EFFECT = Effect(
             high=60.0,
         ),
         share("slow_share", "part of it that comes back more slowly"),
+        shape(
+            "exponent",
+            "1",
+            "how steeply what is missing grows with the pressure",
+            centre=1.0,
+            factor=1.5,
+            low=0.3,
+            high=4.0,
+        ),
     ),
     name="droop of the supply",
     means="the supply sags at each rise and recovers while the command is held",
@@ -38,19 +47,33 @@ EFFECT = Effect(
     shown_in=("hold",),
 )
 
+REFERENCE_KPA = 30.0
 _SLOWER = 5.0  # the slow part of the recovery, against the fast one
 
 
 @njit
-def droop(p: Floats, starts: Integers, fraction: float, recovery: float, slow: float) -> None:
-    """Miss `fraction` of each rise, recovering by two exponentials."""
+def demand(pressure: float, exponent: float) -> float:
+    """Give what a pressure asks of the supply, kPa: more than in proportion where it runs low."""
+    if pressure <= 0.0 or exponent == 1.0:
+        return pressure
+    return float(REFERENCE_KPA * (pressure / REFERENCE_KPA) ** exponent)
+
+
+@njit
+def droop(
+    p: Floats, starts: Integers, fraction: float, recovery: float, slow: float, exponent: float
+) -> None:
+    """Miss `fraction` of each rise in demand, recovering by two exponentials."""
     quick = math.exp(-FINEST_STEP_S / recovery)
     lazy = math.exp(-FINEST_STEP_S / (_SLOWER * recovery))
     for trial in range(starts.size - 1):
-        before = fast_missing = slow_missing = 0.0
+        before = asked = fast_missing = slow_missing = 0.0
         for i in range(starts[trial], starts[trial + 1]):
-            rise = fraction * max(p[i] - before, 0.0)
-            before = p[i]
+            rise = 0.0
+            if p[i] != before:  # a power is dear
+                before, earlier = p[i], asked
+                asked = demand(before, exponent)
+                rise = fraction * max(asked - earlier, 0.0)
             fast_missing = quick * fast_missing + (1.0 - slow) * rise
             slow_missing = lazy * slow_missing + slow * rise
             missing = fast_missing + slow_missing
