@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
-from scipy.optimize import minimize_scalar
+from scipy.optimize import least_squares, minimize_scalar
 from scipy.stats import multivariate_normal, norm
 
 from spa_fo.gap.data.searched import Slot
@@ -156,3 +156,45 @@ def test_the_covariance_is_that_of_the_posterior() -> None:
     normal = problem.j.T @ np.linalg.solve(covariance, problem.j) + problem.precision
     found = problem.posterior(linear, FACTOR, np.array([0.36]))
     np.testing.assert_allclose(found, np.linalg.inv(normal))
+
+
+class Misread(Line):
+    """The same, where a nuisance's column is a bent function of the prediction, as a curve's is."""
+
+    def __init__(self, size: float, low: float, seed: int = 1) -> None:
+        super().__init__(size, low, seed)
+        self.moving = np.array([1])
+
+    def columns(self, z: Floats) -> Floats:
+        return np.column_stack([self.own[:, 0], np.sin(self.at_rows(z))])
+
+    def slopes_beside(self, z: Floats, b: Floats) -> Floats:
+        return (1.0 + b[1] * np.cos(self.at_rows(z)))[:, None] * self.slopes(z)
+
+    def together(self) -> Floats:
+        """Search parameters and nuisances at once, by scipy."""
+        away = np.linalg.cholesky(self.precision).T
+
+        def left(x: Floats) -> Floats:
+            z, b = x[:3], x[3:]
+            rows = (self.measured - self.at_rows(z) - self.columns(z) @ b) / NOISE
+            return np.concatenate([rows, away @ (z - self.centre), b / np.sqrt(OWN)])
+
+        return least_squares(left, np.zeros(5), xtol=1e-12, ftol=1e-12, gtol=1e-12).x
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_search_knows_how_nuisances_go_with_the_parameters(seed: int) -> None:
+    problem = Misread(1.0, low=-50.0, seed=seed)
+    expected = problem.together()
+    found = searched(problem)
+    np.testing.assert_allclose(found, expected[:3], atol=2e-4)
+    assert abs(expected[4]) > 0.05  # the prediction is misread by some
+    # So it stays there, and so does the linear problem about it.
+    again = problem.search(found, FACTOR, problem.spread(OWN[1:]), 1e-9, 80)
+    np.testing.assert_allclose(again.z, found, atol=1e-5)
+    _, _, top = problem.weigh(problem.linear(found), FACTOR, OWN[1:], rounds=0)
+    np.testing.assert_allclose(top, found, atol=1e-3)
+    held = Misread(1.0, low=-50.0, seed=seed)
+    held.moving = np.zeros(0, dtype=np.int64)
+    assert np.abs(searched(held) - expected[:3]).max() > 1e-2

@@ -2,7 +2,7 @@
 
     y = f(z) + Z b + e,   z ~ N(c, Π) within bounds,   b ~ N(0, Γ),   e ~ N(0, V)
 
-Within a search Z, Γ and V are held, so that its gradient is exact. The evidence is Laplace's, the
+Within a search Γ and V are held, and of Z what hardly goes with z. The evidence is Laplace's, the
 variances Γ at their most probable; bounds change it where they cut a prior or a posterior.
 """
 
@@ -81,6 +81,7 @@ class Explained(ABC):
         self.root = np.linalg.cholesky(covariance)
         self.precision = cho_solve((self.root, True), np.eye(self.parameters))
         self.centre = np.append(mean, [s.centre for s in self.slots])
+        self.moving = np.zeros(0, dtype=np.int64)
         self.low = np.append(LOWEST[: self.free], [s.limits[0] for s in self.slots])
         self.high = np.append(HIGHEST[: self.free], [s.limits[1] for s in self.slots])
         self._known: dict[tuple[str, bytes], Any] = {}
@@ -92,6 +93,14 @@ class Explained(ABC):
     @abstractmethod
     def columns(self, z: Floats) -> Floats:
         """Columns of the nuisances about a point, (rows, size)."""
+
+    def moved(self, z: Floats) -> Floats:
+        """Those columns of the nuisances that go with a search's point, (rows, moving)."""
+        return self.columns(z)[:, self.moving]
+
+    def slopes_beside(self, z: Floats, b: Floats) -> Floats:
+        """Slopes of the prediction and of what nuisances `b` make of it, (rows, parameters)."""
+        return self.slopes(z)
 
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten what stands at all rows."""
@@ -153,27 +162,43 @@ class Explained(ABC):
     def search(
         self, start: Floats, factor: Factor, spread: Floats, enough: float, most: int
     ) -> Minimum:
-        """Search with the nuisances' columns about `start` and their prior variances `spread`."""
-        start = np.clip(start, self.low, self.high)
-        nuisances = self.white(factor, self.columns(start))
-        root = np.linalg.cholesky(nuisances.T @ nuisances + np.diag(1.0 / spread))
-        half = solve_triangular(root, nuisances.T, lower=True)
-        r = j = j_taken = np.zeros(0)  # at the last point that was kept
+        """Search with the nuisances' prior variances `spread`.
 
-        def of(left: Floats, z: Floats) -> float:
-            taken, away = half @ left, z - self.centre
+        Their columns are those about `start`, but for those of `moving`, which go with the point.
+        """
+        start = np.clip(start, self.low, self.high)
+        held = self.white(factor, self.columns(start))
+        half = r = j = j_taken = np.zeros(0)  # at the last point that was kept
+
+        def nuisances(z: Floats) -> tuple[Floats, Floats]:
+            """Whitened columns, and the root of their coefficients' precision."""
+            columns = held
+            if self.moving.size:
+                columns = held.copy()
+                columns[:, self.moving] = self.white(factor, self.moved(z))
+            root = np.linalg.cholesky(columns.T @ columns + np.diag(1.0 / spread))
+            return columns, np.asarray(root, dtype=np.float64)
+
+        def of(left: Floats, taken: Floats, z: Floats) -> float:
+            away = z - self.centre
             return 0.5 * float(left @ left - taken @ taken + away @ self.precision @ away)
 
         def value(z: Floats) -> float:
-            return of(self.white(factor, self.left(z)), z)
+            left, (columns, root) = self.white(factor, self.left(z)), nuisances(z)
+            return of(left, solve_triangular(root, columns.T @ left, lower=True), z)
 
         def quadratic(z: Floats) -> Quadratic:
-            nonlocal r, j, j_taken
-            r, j = self.white(factor, self.left(z)), self.white(factor, self.slopes(z))
+            nonlocal half, r, j, j_taken
+            r, (columns, root) = self.white(factor, self.left(z)), nuisances(z)
+            half = solve_triangular(root, columns.T, lower=True)
+            taken = half @ r
+            b = solve_triangular(root, taken, lower=True, trans=1)
+            j = self.white(factor, self.slopes_beside(z, b))
             j_taken = half @ j
             pull = self.precision @ (z - self.centre)
-            gradient = pull - (j.T @ r - j_taken.T @ (half @ r))
-            return Quadratic(of(r, z), gradient, j.T @ j - j_taken.T @ j_taken + self.precision)
+            gradient = pull - (j.T @ r - j_taken.T @ taken)
+            hessian = j.T @ j - j_taken.T @ j_taken + self.precision
+            return Quadratic(of(r, taken, z), gradient, hessian)
 
         def bend(z: Floats, step: Floats) -> Floats:
             near = self.white(factor, self.left(z + _BEND * step))
@@ -223,12 +248,15 @@ class Explained(ABC):
             Where the linear problem has its top.
         """
         p, z = self.parameters, linear.z
-        every = np.column_stack([linear.left, linear.slopes @ self.root, linear.columns])
-        whitened = self.white(factor, every)
+        beside = self.white(factor, np.column_stack([linear.left, linear.columns]))
+        left, columns = beside[:, 0], beside[:, 1:]
+        inner = columns.T @ columns + np.diag(1.0 / self.spread(variances))
+        b = np.asarray(np.linalg.solve(inner, columns.T @ left), dtype=np.float64)
+        slopes = self.white(factor, self.slopes_beside(z, b) @ self.root)
+        whitened = np.column_stack([left, slopes, columns])
         gram = whitened.T @ whitened
         square, vector, matrix = float(gram[0, 0]), gram[1:, 0], gram[1:, 1:]
-        inner = matrix[p:, p:] + np.diag(1.0 / self.spread(variances))
-        pull = vector[:p] - matrix[:p, p:] @ np.linalg.solve(inner, vector[p:])
+        pull = vector[:p] - matrix[:p, p:] @ b
         gradient = self.precision @ (z - self.centre)
         gradient -= solve_triangular(self.root, pull, lower=True, trans=1)
         held = ~free_of(z, gradient, self.low, self.high)
@@ -237,7 +265,7 @@ class Explained(ABC):
         log_noise = 2.0 * factor.half_log
         if self.response is not None:
             log_noise += self.response.log_noise
-        normal = Normal(matrix[np.ix_(use, use)], vector[use], square, log_noise, every.shape[0])
+        normal = Normal(matrix[np.ix_(use, use)], vector[use], square, log_noise, left.size)
         prior = self._prior(solve_triangular(self.root, self.centre - z, lower=True)).of(use)
         solution = solve(normal, prior, variances, rounds)
         moved = np.zeros(p)

@@ -24,6 +24,7 @@ from spa_fo.plant.effects.library import LIBRARY, at_port
 Floats = NDArray[np.float64]
 
 _SCALE_STEP = 2e-3
+_KINK_DEG = 1.0  # over which the slope of a curve with kinks is taken
 _OF_TRIALS = [GAIN, REST, TIME_SCALE]
 _SURELY = 1e-3  # probability that a scatter is larger than its bound
 
@@ -100,6 +101,7 @@ class AngleProblem(Explained):
         parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
         self.curve, self.late, self.dwells, self.walk, self.steps, own, waves, self.trends = parts
         self.own, self.waves = own.reshape(-1, 3), waves.reshape(-1, 2)
+        self.moving = np.append(self.curve, self.dwells)
         self.group, self.variance = np.full(self.size, -1), np.ones(self.size)
         self.group[self.own] = [GAIN, REST, TIME_SCALE]
         self.group[self.dwells] = DWELL
@@ -114,18 +116,18 @@ class AngleProblem(Explained):
         self.variance[self.late] = SETTINGS.angle_late_s**2
         if slips:
             self.variance[self.walk] = LIBRARY[slips].parameters[0].spread ** 2
+        self._still = self._of_calibrations()
 
     def columns(self, z: Floats) -> Floats:
         """Columns of the nuisances about a point, (rows, size)."""
-        evidence, grid, rows = self.evidence, self.evidence.grid, self.rows
-        fixture, n = evidence.fixture, rows.size
-        (y, _), e = self.predict(z), self.effects(z)
+        grid, rows = self.evidence.grid, self.rows
+        n, (y, _), e = rows.size, self.predict(z), self.effects(z)
         quick, _ = self.chain.mounted(self._in_fixture(e)[1]).run(
             at_rate(to_x(z[:5]), 1.0 + _SCALE_STEP), e
         )
         gain, scale = self.slopes(z)[:n, LN_GAIN], rows.merged(quick - y) / _SCALE_STEP
-        out = self.stacked(np.zeros((n, self.size)))
-        out[:n, self.curve] = rows.merged(curve_columns(y))
+        out = self._still.copy()
+        out[:n, self.moving] = rows.merged(self._of_reading(y))
         out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
         every, trial = np.arange(n), self.trial
         own = self.own[np.searchsorted(self.trials, trial)].T
@@ -144,13 +146,37 @@ class AngleProblem(Explained):
                 for g in rows.groups
             ]
             out[every, waves] = np.concatenate(phased).T
+        return out
+
+    def _of_calibrations(self) -> Floats:
+        """Lay out all columns at the rows of the fixture and of later calibrations."""
+        evidence, fixture, n = self.evidence, self.evidence.fixture, self.rows.size
+        out = self.stacked(np.zeros((n, self.size)))
         if fixture is not None:
-            out[:n, self.dwells] = rows.merged(fixture.misread(y))
             end = n + fixture.deviation_deg.size
             out[n:end, self.dwells] = fixture.average @ fixture.of_dwell
             if evidence.drift_deg.size:
                 self._of_drift(out[end : end + evidence.drift_deg.size])
         return out
+
+    def moved(self, z: Floats) -> Floats:
+        """Columns of a wrong curve and of wrong known angles, about what is read at a point."""
+        (y, _), n = self.predict(z), self.rows.size
+        out = self._still[:, self.moving]
+        out[:n] = self.rows.merged(self._of_reading(y))
+        return out
+
+    def slopes_beside(self, z: Floats, b: Floats) -> Floats:
+        """Slopes of the prediction and of what a wrong curve and wrong known angles make of it."""
+        (y, _), slopes, n = self.predict(z), self.slopes(z).copy(), self.rows.size
+        ends = [self._of_reading(y + side * _KINK_DEG) @ b[self.moving] for side in (0.5, -0.5)]
+        slopes[:n] *= 1.0 + self.rows.merged((ends[0] - ends[1]) / _KINK_DEG)[:, None]
+        return slopes
+
+    def _of_reading(self, angle_deg: Floats) -> Floats:
+        """Give what errors of the curve and of known angles make of readings, (n, moving)."""
+        fixture, curve = self.evidence.fixture, curve_columns(angle_deg)
+        return curve if fixture is None else np.hstack([curve, fixture.misread(angle_deg)])
 
     def _of_drift(self, out: Floats) -> None:
         """Fill in the columns at the rows of later calibrations, (m, size)."""
