@@ -52,3 +52,18 @@ def test_without_an_effect_nothing_is_to_be_seen(calibration: Calibration) -> No
 
 def test_no_calibration_no_fixture() -> None:
     assert fixture_of((), 0.0) is None
+
+
+@pytest.mark.parametrize("angles", [None, 1])
+def test_what_is_read_errs_by_the_errors_of_known_angles_nearby(
+    calibration: Calibration, angles: int | None
+) -> None:
+    fixture = laid_out(replace(calibration, dwells=calibration.dwells[:angles]))
+    dwells = calibration.dwells[:angles]
+    error_deg = np.random.default_rng(1).normal(0.0, 0.5, len(dwells))
+    known = np.array([dwell.angle_deg for dwell in dwells])
+    at = np.unique(known)
+    mean = np.array([error_deg[known == angle].mean() for angle in at])
+    read = np.linspace(-20.0, 110.0, 400)
+    expected = -np.interp(read, at, mean)
+    np.testing.assert_allclose(fixture.misread(read) @ error_deg, expected, atol=1e-12)

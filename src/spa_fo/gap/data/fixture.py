@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import BSpline, make_interp_spline
 
 from spa_fo.plant.chain import Mounting, log_delays
 from spa_fo.plant.effects.library import LIBRARY
@@ -67,9 +68,17 @@ class Fixture:
 
     def misread(self, angle_deg: Floats) -> Floats:
         """Give what an error of each dwell's known angle makes of readings, (n, dwells)."""
+        angles, misread = self._misread
+        return np.asarray(misread(np.clip(angle_deg, angles[0], angles[-1])))
+
+    @cached_property
+    def _misread(self) -> tuple[Floats, BSpline]:
+        """The first calibration's known angles, and lines between what errors of dwells make."""
         angles = np.unique(self.known_deg[self.log == 0])
-        hats = np.array([np.interp(angle_deg, angles, row) for row in np.eye(angles.size)]).T
-        return -hats @ self._mean_at(0, angles)
+        errors = -self._mean_at(0, angles)
+        if angles.size == 1:  # the same everywhere
+            angles, errors = angles + np.array([0.0, 1.0]), np.repeat(errors, 2, axis=0)
+        return angles, make_interp_spline(angles, errors, k=1)
 
     def simulate(self, effects: Floats) -> tuple[Floats, Mounting]:
         """Simulate what the sensor's effects make of the fixture.
