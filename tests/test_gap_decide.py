@@ -115,9 +115,14 @@ def test_a_smooth_error_is_no_small_one_as_a_small_share_fits_it_best():
 def test_without_repeats_what_is_left_speaks_for_nothing():
     logs = np.array([-400.0, -200.0, -90.0, 0.0, -20.0, -60.0])
     missed = weigh._missed(GAP_DEG, 0.0)
-    right, unknown = weigh._weighed(("creep",), logs, missed, FLOOR_DEG, repeats=False)
+    _, unknown = weigh._weighed((), logs, missed, FLOOR_DEG, repeats=False)
     assert np.all(np.isneginf(unknown))
+    right, unknown = weigh._weighed(("creep",), logs, missed, FLOOR_DEG, repeats=False)
     assert right > log_prior(("creep",)) - 2.0
+    # A set that leaves something may stand in for something else all the same.
+    _, repeated = weigh._weighed(("creep",), logs, missed, FLOOR_DEG)
+    np.testing.assert_array_equal(unknown, repeated)
+    assert np.isfinite(unknown).any()
 
 
 def test_structure_that_is_too_small_is_no_gap():

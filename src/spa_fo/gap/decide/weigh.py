@@ -79,15 +79,17 @@ def _weighed(
 ) -> tuple[float, Floats]:
     """Weigh an explanation as right, and as standing in for something else, by share.
 
-    Without repeats what is left cannot be told from coloured noise, and speaks for nothing.
+    Without repeats what is left cannot be told from coloured noise: it speaks against no set, and
+    for no gap; but a gap that a set explains in part is there, and may be something else's.
     """
     s = SETTINGS
-    small = (missed < s.left * floor_deg) | (not repeats)
+    nothing = missed < s.left * floor_deg
+    small = nothing | (not repeats)
     penalty = np.where(small, 0.0, missed / max(missed[-1], 1e-9) / s.right_share)
     scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
     right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
     unknown = s.temper * logs + _stands_in(ids) + np.log(s.unknown / _SHARES.size)
-    return right, np.where(small, -np.inf, unknown)
+    return right, np.where(nothing if ids else small, -np.inf, unknown)
 
 
 def _part(
