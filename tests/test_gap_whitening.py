@@ -76,11 +76,12 @@ def lowers(factor: Factor) -> list[Floats]:
     return [np.asarray(np.linalg.inv(own), dtype=np.float64) for own in factor.whiteners]
 
 
-def test_the_factor_is_of_the_covariance_entry_by_entry() -> None:
+@pytest.mark.parametrize(("level", "hidden"), [(1.5, 0.0), (1.0, 0.3)])
+def test_the_factor_is_of_the_covariance_entry_by_entry(level: float, hidden: float) -> None:
     rows = laid()
     gap = np.linspace(0.5, 2.0, rows.size)
-    whitening = Whitening(rows, SPECTRUM, gap)
-    level, share = 1.5, 0.2
+    whitening = Whitening(rows, SPECTRUM, gap, hidden)
+    share = 0.2
     factor = whitening.factor(level, share)
     half_log = 0.0
     for group, lower in zip(rows.groups, lowers(factor), strict=True):
@@ -94,6 +95,7 @@ def test_the_factor_is_of_the_covariance_entry_by_entry() -> None:
                 apart = abs(group.time_s[i] - group.time_s[j])
                 size = gap[group.rows][i] * gap[group.rows][j]
                 slow[i, j] += share**2 * size * np.mean(np.exp(-apart / MISSED_OVER_S))
+                slow[i, j] += hidden**2 * np.mean(np.exp(-apart / CORRELATION_S))
             slow[i, i] += SPECTRUM.white / group.count[i] + group.fixed[i]
         np.testing.assert_allclose(lower @ lower.T, slow, rtol=1e-9)
         half_log += 0.5 * np.linalg.slogdet(slow)[1]

@@ -6,12 +6,13 @@ explanation's form misses: a smooth error whose size goes with the gap about it,
     V = κ² C + W + s² g gᵀ ∘ K,
 
 C and W being the coloured and the white noise, g the size of the gap at each row, K(t, t') a
-correlation over the time within a trial, κ the noise's level and s the share that is missed.
+correlation over the time within a trial, κ the noise's level and s the share that is missed. What
+a converter's step hides is the same whenever the value is, so trials share it, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -19,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.noise.coloured import Averages, Spectrum, whitener
+from spa_fo.gap.noise.coloured import CORRELATION_S, Averages, Spectrum, whitener
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -103,6 +104,10 @@ class Factor:
     half_log: float  # ½ log|V|
 
 
+def _mean_decay(apart_s: Floats, times_s: Iterable[float]) -> Floats:
+    return np.asarray(np.mean([np.exp(-apart_s / tau) for tau in times_s], axis=0))
+
+
 @dataclass
 class Whitening:
     """Covariances of the rows for levels of the noise and shares that a form misses."""
@@ -110,6 +115,8 @@ class Whitening:
     rows: Rows
     spectrum: Spectrum  # noise within a trial
     gap: Floats  # (rows,): size of the gap at each row, deg
+    # What a converter's step hides, 1 sigma: as long as the value stays, and in all repeats alike.
+    hidden: float = 0.0
     _factors: dict[tuple[float, float], Factor] = field(default_factory=dict, init=False)
 
     @cached_property
@@ -120,7 +127,8 @@ class Whitening:
             same = group.trial[:, None] == group.trial
             coloured = np.where(same, self.spectrum.coloured_covariance(group), 0.0)
             apart = np.abs(group.time_s[:, None] - group.time_s)
-            kernel = np.mean([np.exp(-apart / tau) for tau in MISSED_OVER_S], axis=0)
+            coloured += self.hidden**2 * _mean_decay(apart, CORRELATION_S)
+            kernel = _mean_decay(apart, MISSED_OVER_S)
             gap = self.gap[group.rows]
             found.append((coloured, self.spectrum.variance(group), np.outer(gap, gap) * kernel))
         return found

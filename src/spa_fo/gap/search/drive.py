@@ -159,14 +159,14 @@ def _whitening(evidence: Evidence, step_kpa: float, beyond: Spectrum | None) -> 
     """Say what is noise at the rows of the pressure, and how large the gap is."""
     known = timing_error(evidence) ** 2 + _BINNING_KPA**2
     rows = rows_of(evidence, known + _between_repeats(evidence, known))
-    # What a step of the converter hides stays the same for as long as the pressure does.
-    hidden = np.full(CORRELATION_S.size, step_kpa**2 / 12.0 / CORRELATION_S.size)
-    spectrum = Spectrum(evidence.pressure_noise_kpa**2, hidden)
+    spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
+    hidden = step_kpa / np.sqrt(12.0)
     if beyond is not None:
         spectrum = spectrum.beside(beyond)
     bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
-    squares = _beyond_noise(rows, spectrum.white + spectrum.coloured.sum(), bare.left(np.zeros(1)))
-    whitening = Whitening(rows, spectrum, local_size(rows, squares))
+    noise = spectrum.white + spectrum.coloured.sum() + hidden**2
+    squares = _beyond_noise(rows, noise, bare.left(np.zeros(1)))
+    whitening = Whitening(rows, spectrum, local_size(rows, squares), hidden)
     for share in (*SHARES, SETTINGS.search_share):
         whitening.factor(1.0, share)  # before processes share the work
     return whitening
