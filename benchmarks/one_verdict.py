@@ -55,7 +55,6 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
     from spa_fo.gap.decide.examine import examine
     from spa_fo.gap.decide.weigh import decide
     from spa_fo.gap.noise.interference import NONE, fast_line
-    from spa_fo.gap.settings import SETTINGS
     from spa_fo.plant import read_model
     from spa_fo.plant.effects.library import at_port
 
@@ -76,7 +75,7 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
             before = known.pop().closed if known else {}
             closed = dict.fromkeys(verdict.sets, 0.0) | before | new.closed
             known.append(replace(new, closed=closed))
-        verdict = held_to(verdict, known[0], SETTINGS.closes)
+        verdict = held_to(verdict, known[0])
         return verdict.kind, [list(names) for names in verdict.sets]
 
     return said

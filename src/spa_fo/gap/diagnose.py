@@ -205,8 +205,7 @@ def _answered(
     examined = examine(data, plain, excluded, rng, progress, beyond, earlier)
     progress("predicting trials that took no part")
     claimed = claim(examined, examined.verdict, rng)
-    least = SETTINGS.closes if beyond is None else SETTINGS.worth
-    verdict = held_to(examined.verdict, claimed, least)
+    verdict = held_to(examined.verdict, claimed)
     if beyond is not None:
         verdict = beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
@@ -224,7 +223,7 @@ def _with_laws(answer: Answer, seed: int, progress: Progress) -> tuple[Answer, M
     alone = _missing(examined, bare, claimed, progress)
     closed = [missing.known_closed, *(law.fraction_closed for law in missing.laws[:1])]
     law = alone.worth_a_model
-    if law is None or law.fraction_closed < max(closed) - SETTINGS.closes:
+    if law is None or law.fraction_closed < max(closed) - SETTINGS.gains:
         return answer, missing
     return (examined, claim(examined, bare, np.random.default_rng(seed)), bare), alone
 

@@ -37,9 +37,10 @@ class Settings:
     coloured_factor: float = _number(
         4.0, "1", "assumed", "prior spread of it, as a factor: from quiet to rough benches"
     )
-    gain_scatter: float = _number(0.01, "1", "assumed", "prior: an ordinary bench")
+    scatter: float = _number(
+        0.01, "1", "assumed", "prior, of a trial's gain and of its time scale: an ordinary bench"
+    )
     rest_scatter_deg: float = _number(0.2, "deg", "assumed", "prior: an ordinary bench")
-    time_scatter: float = _number(0.01, "1", "assumed", "prior: an ordinary bench")
     dwell_error_deg: float = _number(0.15, "deg", "assumed", "a fixture made with care")
     most_scatter: float = _number(
         6.0, "times", "assumed", "an ordinary scatter, or the fixture's error, is at most larger by"
@@ -89,6 +90,9 @@ class Settings:
     unknown: float = _number(
         0.3, "odds", "learned", "prior: a set compensates for another cause, against it is right"
     )
+    stands_in: float = _number(
+        0.5, "of the price", "learned", "what a set pays, beyond one effect's, that compensates"
+    )
     trend: float = _number(
         0.2, "odds", "learned", "prior: the residual depends on the order of the trials"
     )
@@ -118,11 +122,14 @@ class Settings:
     # --- the answer ------------------------------------------------------------------------------
     covered: float = _number(0.93, "probability", "learned", "total of the sets that are named")
     least: float = _number(0.1, "probability", "learned", "below which a set is not listed")
-    closes: float = _number(
-        0.1, "of the gap", "assumed", "a set that closes less on held-out trials is no cause"
-    )
     worth: float = _number(
-        0.3, "of the gap", "assumed", "a part beside an unknown cause that closes less is not named"
+        0.33,
+        "of the gap",
+        "learned",
+        "what closes less on held-out trials is no cause, and no part of one",
+    )
+    gains: float = _number(
+        0.1, "of the gap", "assumed", "what closes by less more than something else is no better"
     )
 
     @property

@@ -59,10 +59,10 @@ class Claim:
     closed: dict[Ids, float]  # what each leading explanation closes of the gap
     shrink: Shrink | None  # None where nothing is explained
 
-    def closes(self, named: Ids, least: float) -> bool:
+    def closes(self, named: Ids) -> bool:
         """Say whether a set closes enough, or does what nobody can foretell of a trial."""
         by_chance = any(at_port(port, named) for port in ("zeros", "line"))
-        return by_chance or self.closed.get(named, 0.0) >= least
+        return by_chance or self.closed.get(named, 0.0) >= SETTINGS.worth
 
 
 def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Claim:
@@ -194,14 +194,14 @@ def own_scatter(
     return float(np.sqrt(scatter + noise + spectrum.coloured.sum()))
 
 
-def held_to(verdict: Verdict, claimed: Claim, closing: float) -> Verdict:
-    """Take sets that close less than `closing` of the gap on held-out trials out of an answer.
+def held_to(verdict: Verdict, claimed: Claim) -> Verdict:
+    """Take sets that close too little of the gap on held-out trials out of an answer.
 
     What they were probable by goes to an unknown cause.
     """
     if not verdict.sets:
         return verdict
-    useless = {named for named in claimed.closed if not claimed.closes(named, closing)}
+    useless = {named for named in claimed.closed if not claimed.closes(named)}
     lost = sum(s.probability for s in verdict.scored if s.named in useless)
     scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
     scored.sort(key=lambda s: -s.probability)
@@ -212,7 +212,7 @@ def held_to(verdict: Verdict, claimed: Claim, closing: float) -> Verdict:
         # What is no answer is said for what it explains elsewhere, also where chance is in it.
         sets = [named for named in sets if claimed.closed.get(named, 0.0) >= SETTINGS.worth]
     else:
-        sets = [named for named in sets if claimed.closes(named, closing)]
+        sets = [named for named in sets if claimed.closes(named)]
     kind: Kind = "ambiguous" if len(sets) > 1 else "cause"
     return replace(again, kind="unknown" if unknown or not sets else kind, sets=tuple(sets))
 

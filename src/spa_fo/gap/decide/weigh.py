@@ -44,11 +44,10 @@ def _stands_in(ids: Ids = ()) -> float:
     """How probable it is beforehand that a set stands in for one unknown effect.
 
     One unknown effect is as probable as a known one, but of what may stand in for it there are more
-    pairs than single effects: with two or more it is half-way between the two prices (set by
-    hand, docs/diagnosis.md).
+    pairs than single effects: of a second one a part of the price is paid, too.
     """
     one, two = (log_prior(tuple(LIBRARY)[:count]) for count in (1, 2))
-    return one if len(ids) < 2 else 0.5 * (one + two)
+    return one if len(ids) < 2 else one + SETTINGS.stands_in * (two - one)
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class AngleProblem(Explained):
         super().__init__(slots_of(ids), scales, known)
         # Nuisances do not hide what all trials show: repeats have said how large they are, and
         # so have the ways through a calibration.
-        ordinary = [SETTINGS.gain_scatter, SETTINGS.rest_scatter_deg, SETTINGS.time_scatter]
+        ordinary = [SETTINGS.scatter, SETTINGS.rest_scatter_deg, SETTINGS.scatter]
         usual = np.maximum(bench.scales[_OF_TRIALS], ordinary)
         self.most[_OF_TRIALS] = most(bench.noise.spectrum.repeats) * usual
         self.most[DWELL] = SETTINGS.most_scatter * max(SETTINGS.dwell_error_deg, self.scales[DWELL])

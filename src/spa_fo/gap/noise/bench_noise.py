@@ -36,9 +36,9 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 TYPICAL = Scatter(
-    gain=SETTINGS.gain_scatter,
+    gain=SETTINGS.scatter,
     rest_deg=SETTINGS.rest_scatter_deg,
-    time_scale=SETTINGS.time_scatter,
+    time_scale=SETTINGS.scatter,
 )
 """Scatter of trials before they are seen."""
 _FIXED_DEG = 0.03  # error of averaging a curve over a step

@@ -43,7 +43,7 @@ class Missing:
     def gains(self) -> bool:
         """Whether the most probable law closes more than closes without it."""
         gained = self.laws[0].fraction_closed - max(self.known_closed, 0.0)
-        return gained >= SETTINGS.closes
+        return gained >= SETTINGS.gains
 
     @property
     def worth_a_model(self) -> LawFound | None:
