@@ -272,6 +272,15 @@ def test_unknown_trusts_no_name() -> None:
     assert "Nothing is explained" in page["How far it shrinks"]
 
 
+def test_the_opening_of_unknown_says_what_a_part_resembles_and_not_that_nothing_does() -> None:
+    wrong, following = opening(PARTLY.to_dict())
+    assert "its cause is not known" in wrong
+    assert "a part resembles creep of the material" in wrong
+    assert "no effect" not in wrong
+    assert following.startswith("With what it resembles in the model")
+    assert "no effect of the library explains it" in opening(UNEXPLAINED.to_dict())[0]
+
+
 def test_unknown_says_what_part_is_explained() -> None:
     page = sections(document(PARTLY))
     assert "**unknown**" in page["The verdict"]

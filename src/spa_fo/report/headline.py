@@ -139,6 +139,8 @@ def _blamed(document: Mapping[str, Any]) -> str:
         found += [f"one of {more} more"] if more else []
         return f", and these data leave open whether that is {joined(found, 'or')}"
     sure = _how_sure(document, ["unknown"])
+    if sets:
+        return f", and its cause is not known ({sure}): a part resembles {_together(sets[0])}"
     return f", and no effect of the library explains it ({sure})"
 
 
@@ -164,7 +166,7 @@ def _closed(document: Mapping[str, Any]) -> str:
         )
     if shrink is None:
         return "Nothing is explained so far, so the model stays as it is"
-    what = {"cause": "that", "ambiguous": "the first of them", "unknown": "the explained part"}[
+    what = {"cause": "that", "ambiguous": "the first of them", "unknown": "what it resembles"}[
         kind
     ]
     return (
