@@ -19,7 +19,7 @@ from spa_fo.fractional import (
     simulate,
     step_response,
 )
-from spa_fo.fractional.response_map import phi1, phi1_derivative
+from spa_fo.fractional.map_kernels import phi1, phi1_derivative
 
 GOLDEN = json.loads((Path(__file__).parent / "golden" / "fractional.json").read_text())
 X = (1.406, 1.196, 0.794, 1.638, 0.934)

@@ -8,17 +8,15 @@ from spa_fo.fractional.grunwald_letnikov import (
     grunwald_letnikov_step,
 )
 from spa_fo.fractional.intervals import Hold
-from spa_fo.fractional.prabhakar import mittag_leffler
-from spa_fo.fractional.prabhakar_series import prabhakar_series_step
-from spa_fo.fractional.response_map import (
+from spa_fo.fractional.map_kernels import (
     WORK_ROWS,
     MapArrays,
-    ResponseMap,
-    input_map,
     jacobian_on_map,
     response_on_map,
-    step_map,
 )
+from spa_fo.fractional.prabhakar import mittag_leffler
+from spa_fo.fractional.prabhakar_series import prabhakar_series_step
+from spa_fo.fractional.response_map import ResponseMap, input_map, step_map
 from spa_fo.fractional.sampled_input import simulate
 from spa_fo.fractional.step import step_response, step_response_jacobian
 

@@ -27,7 +27,7 @@ from spa_fo.fractional.characteristic import (
     transform_on_circle,
 )
 from spa_fo.fractional.intervals import Hold, input_intervals
-from spa_fo.fractional.response_map import phi1
+from spa_fo.fractional.map_kernels import phi1
 from spa_fo.fractional.step import inverse_kernel
 
 # Error exp(-25.5) = 8e-12 of the contour integral.

@@ -166,9 +166,7 @@ def _closed(document: Mapping[str, Any]) -> str:
         )
     if shrink is None:
         return "Nothing is explained so far, so the model stays as it is"
-    what = {"cause": "that", "ambiguous": "the first of them", "unknown": "what it resembles"}[
-        kind
-    ]
+    what = {"cause": "that", "ambiguous": "the first of them", "unknown": "what it resembles"}[kind]
     return (
         f"With {what} in the model the error on {trials} goes from "
         f"{shrink['before_rmse_deg']:.2f}° to {shrink['after_rmse_deg']:.2f}°, which closes "
