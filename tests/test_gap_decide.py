@@ -245,12 +245,15 @@ def test_of_effects_that_stand_in_for_each_other_one_is_named():
     worth = dict.fromkeys(apart, 0.0) | {("contact_stop", "channel_latency"): 1.0}
     triple = ("contact_stop", "sensor_lag", "channel_latency")
 
-    def enough(least_deg):
-        return weigh._enough(triple, apart.__getitem__, worth.__getitem__, least_deg)
+    def enough(least_deg, least_nats=-60.0):
+        return weigh._enough(triple, apart.__getitem__, worth.__getitem__, least_deg, least_nats)
 
     assert enough(0.1) == ("contact_stop", "channel_latency")
     assert enough(0.025) == ("contact_stop", "sensor_lag")
     assert enough(0.01) == triple
+    # What is worth far less than the set does not do as well, however near it comes.
+    assert enough(0.1, 0.5) == ("contact_stop", "channel_latency")
+    assert enough(0.1, 2.0) == triple
 
 
 def test_what_goes_with_the_order_is_an_effect_more_beside_a_set():

@@ -224,8 +224,8 @@ def beyond_expected(verdict: Verdict, size: float) -> Verdict:
     trials.
     """
     if size <= 1.0:
-        if any(LIBRARY[name].stage == "drive" for named in verdict.sets for name in named):
-            return verdict  # which the pressure shows
+        if _of_drive(verdict):
+            return verdict
         scored = [replace(s, probability=0.0 if s.named else 1.0) for s in verdict.scored]
         scored.sort(key=lambda s: -s.probability)
         return judge(scored, 0.0, verdict.unknown_drive)
@@ -233,7 +233,23 @@ def beyond_expected(verdict: Verdict, size: float) -> Verdict:
         # No noise of the reference is as large.
         scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
         return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+    if size < CLEARLY and not _of_drive(verdict):
+        # What is hardly larger than what is missed anyway has a name only as far as it is.
+        trust = (size - 1.0) / (CLEARLY - 1.0)
+        scored = [
+            replace(s, probability=trust * s.probability) if s.named else s for s in verdict.scored
+        ]
+        scored.sort(key=lambda s: -s.probability)
+        lost = sum(s.probability for s in verdict.scored if s.named) * (1.0 - trust)
+        again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
+        sets = tuple(named for named in again.sets if named in verdict.sets)
+        return replace(again, sets=sets)
     return verdict
+
+
+def _of_drive(verdict: Verdict) -> bool:
+    """Whether an answer holds an effect of the drive, which the pressure shows by itself."""
+    return any(LIBRARY[name].stage == "drive" for named in verdict.sets for name in named)
 
 
 # --- the model -----------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.noise.interference import Line
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.drive import Drive, DriveFit
-from spa_fo.gap.search.explanations import Explanations
+from spa_fo.gap.search.explanations import WORTH_WEIGHING, Explanations
 from spa_fo.gap.search.fitted import Fitted, price
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
@@ -111,7 +111,7 @@ def _part(
     """
     s, ids, named = SETTINGS, fit.ids, _that_move(moved, floor_deg)
     least = max(s.needed * floor_deg, s.needed_of_all * all_deg)
-    named = _enough(named, apart, worth, least)
+    named = _enough(named, apart, worth, least, float(logs.max()) - WORTH_WEIGHING)
     if ids and not named:
         return None
     # What moves too little to be named makes up for the form of what is: it has no price
@@ -126,11 +126,18 @@ def _part(
 
 
 def _enough(
-    named: Ids, apart: Callable[[Ids], float], worth: Callable[[Ids], float], least_deg: float
+    named: Ids,
+    apart: Callable[[Ids], float],
+    worth: Callable[[Ids], float],
+    least_deg: float,
+    least_nats: float,
 ) -> Ids:
-    """Take the fewest of a set's effects that do as well as all of it; the best of these."""
+    """Take the fewest of a set's effects that do as well as all of it; the best of these.
+
+    Those are apart by less than `least_deg`, and worth more than `least_nats`.
+    """
     fewer = [m for size in range(1, len(named)) for m in combinations(named, size)]
-    enough = [m for m in fewer if apart(m) < least_deg]
+    enough = [m for m in fewer if apart(m) < least_deg and worth(m) > least_nats]
     return min(enough, key=lambda m: (len(m), -worth(m)), default=named)
 
 

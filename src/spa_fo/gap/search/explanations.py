@@ -40,7 +40,7 @@ Ids = tuple[str, ...]
 _SINGLES, _HOSTS, _BESIDE = 8, 3, 3  # fitted alone; that get others beside them; so many others
 _BEST_STARTS = 2
 _FARTHEST = 4.0  # times the size that an effect is screened with
-_WORTH_WEIGHING = 60.0  # nats behind the best
+WORTH_WEIGHING = 60.0  # nats behind the best
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def explain(
         fits |= _three(bench, top, chained, linear, fits | dict(known), plain)
     bench, fits, line = _with_line(bench, fits, excluded)
     best = max(f.quick for f in fits.values())
-    near = [f for f in fits.values() if f.quick > best - _WORTH_WEIGHING or not f.ids]
+    near = [f for f in fits.values() if f.quick > best - WORTH_WEIGHING or not f.ids]
     near = [f for f in near if not np.isfinite(f.logs).all()]
     for f in each(lambda f: weighed(bench, f), near):
         fits[f.ids] = f
@@ -244,7 +244,7 @@ def _fits(
         for place, f in enumerate(ranked)
         if place < least
         or f.ids == (again,)
-        or f.quick + HOPE * f.decrement > highest - _WORTH_WEIGHING
+        or f.quick + HOPE * f.decrement > highest - WORTH_WEIGHING
     ]
     ended = each(lambda f: settled(bench, f, plain), worth)
     return done | {f.ids: f for f in rough} | {f.ids: f for f in ended}
