@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from spa_fo.gap.claim.claimed import Claim, held_to
+from spa_fo.gap.claim.claimed import Claim, beyond_expected, held_to
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 
 Ids = tuple[str, ...]
@@ -46,3 +46,28 @@ def test_a_part_is_said_for_what_it_closes_elsewhere(closed: float, left: tuple[
     named = ("creep", "sensor_slip")
     held = held_to(answer({named: 0.1}, 0.9), claims({named: closed}))
     assert (held.kind, held.sets) == ("unknown", left)
+
+
+def test_what_is_no_larger_than_expected_is_no_change_but_of_the_drive() -> None:
+    verdict = beyond_expected(answer({("creep",): 0.95}, 0.05), 0.9)
+    assert (verdict.kind, verdict.sets) == ("no_gap", ())
+    drive = answer({("leak",): 0.95}, 0.05)
+    assert beyond_expected(drive, 0.9) == drive
+
+
+def test_what_is_hardly_larger_than_expected_has_a_name_in_part() -> None:
+    found = answer({("creep",): 0.9, (): 0.04}, 0.06)
+    near = beyond_expected(found, 1.5)
+    assert (near.kind, near.sets) == ("unknown", (("creep",),))
+    assert near.of(("creep",)).probability == pytest.approx(0.25 * 0.9)
+    assert near.unknown == pytest.approx(0.06 + 0.75 * 0.9)
+    assert near.none == pytest.approx(0.04)
+    assert beyond_expected(found, 2.8).kind == "cause"
+    assert beyond_expected(found, 3.0) == found
+    drive = answer({("leak",): 0.95}, 0.05)
+    assert beyond_expected(drive, 1.5) == drive
+
+
+def test_what_is_far_larger_than_expected_is_a_change_whatever_it_is() -> None:
+    verdict = beyond_expected(answer({(): 0.9}, 0.1), 3.1)
+    assert (verdict.kind, verdict.sets) == ("unknown", ())

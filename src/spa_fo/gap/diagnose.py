@@ -126,10 +126,13 @@ def diagnose(
     use_effects_of(data.campaign.folder)
     kept = tuple(name for name in tried_late(data.trials) if name not in excluded)
     answer = _answered(data, plain, (*excluded, *kept), seed, progress, beyond)
-    if kept and answer[-1].kind == "unknown":
+    # What is rare is a likely answer to what changed: a sensor that came off, a reading that froze.
+    changed = beyond is not None and answer[-1].kind != "no_gap"
+    if kept and (changed or answer[-1].kind == "unknown"):
         progress("trying what is rare, too")
         further = _answered(data, plain, excluded, seed, progress, beyond, answer[0])
-        answer = max(answer, further, key=_explains)
+        named = further[-1].kind in ("cause", "ambiguous")
+        answer = further if changed and named else max(answer, further, key=_explains)
     (examined, claimed, verdict), missing = _with_laws(answer, seed, progress)
     everything, floor, nominal = examined.everything, examined.floor_deg, examined.nominal
     noise, curves, measured = examined.found.bench.noise, claimed.curves, everything.grid.angle_deg
