@@ -58,6 +58,9 @@ class Settings:
     model_trials: float = _number(
         4.0, "trials", "assumed", "the given model's gain and time scale are the mean of so many"
     )
+    model_error: float = _number(
+        0.36, "1", "learned", "error of an identified model's response, of what its residual says"
+    )
     own_orders: float = _number(
         0.3, "1", "assumed", "prior spread of the orders about a typical actuator's"
     )
@@ -103,14 +106,14 @@ class Settings:
     moves: float = _number(
         0.35, "noise floors", "assumed", "an effect that moves the angle by less is none"
     )
-    moves_of_largest: float = _number(
-        0.12, "of the largest", "learned", "one that moves less may be a compensating term"
-    )
     needed: float = _number(
         0.2, "noise floors", "learned", "a member without which the others do as well is none"
     )
-    needed_of_all: float = _number(
-        0.1, "of what the set moves", "learned", "the same for large ones"
+    of_all: float = _number(
+        0.1,
+        "of what the set moves",
+        "learned",
+        "a member that moves less, or is needed for less, may be a compensating term",
     )
     left: float = _number(
         0.3, "noise floors", "learned", "a smaller systematic residual is no evidence of anything"

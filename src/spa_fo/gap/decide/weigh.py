@@ -50,6 +50,12 @@ def _stands_in(ids: Ids = ()) -> float:
     return one if len(ids) < 2 else one + SETTINGS.stands_in * (two - one)
 
 
+def _with_one_more(ids: Ids) -> float:
+    """How probable a set is beforehand with one unknown effect beside it."""
+    so_many, one_more = (log_prior(tuple(LIBRARY)[: len(ids) + more]) for more in (0, 1))
+    return log_prior(ids) + one_more - so_many
+
+
 @dataclass(frozen=True)
 class _Part:
     """What the angle, or the pressure, says of one explanation."""
@@ -110,7 +116,7 @@ def _part(
     where the others do not do as well without it, against `all_deg`, what all of them do.
     """
     s, ids, named = SETTINGS, fit.ids, _that_move(moved, floor_deg)
-    least = max(s.needed * floor_deg, s.needed_of_all * all_deg)
+    least = max(s.needed * floor_deg, s.of_all * all_deg)
     named = _enough(named, apart, worth, least, float(logs.max()) - WORTH_WEIGHING)
     if ids and not named:
         return None
@@ -132,18 +138,20 @@ def _enough(
     least_deg: float,
     least_nats: float,
 ) -> Ids:
-    """Take the fewest of a set's effects that do as well as all of it; the best of these.
+    """Take the fewest of a set's effects that do as well as all of it.
 
-    Those are apart by less than `least_deg`, and worth more than `least_nats`.
+    The best so many are worth more than `least_nats`, and apart by less than `least_deg`.
     """
-    fewer = [m for size in range(1, len(named)) for m in combinations(named, size)]
-    enough = [m for m in fewer if apart(m) < least_deg and worth(m) > least_nats]
-    return min(enough, key=lambda m: (len(m), -worth(m)), default=named)
+    for size in range(1, len(named)):
+        best = max(combinations(named, size), key=lambda m: (worth(m), -apart(m)))
+        if worth(best) > least_nats and apart(best) < least_deg:
+            return best
+    return named
 
 
 def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
     s = SETTINGS
-    least = max(s.moves * floor_deg, s.moves_of_largest * max(moved.values(), default=0.0))
+    least = max(s.moves * floor_deg, s.of_all * max(moved.values(), default=0.0))
     return tuple(n for n in moved if moved[n] >= least)
 
 
@@ -159,7 +167,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         return float(np.sqrt(np.average(change**2, weights=weight)))
 
     def worth(ids: Ids) -> float:
-        return float(found.fits[ids].logs.max())
+        return float(found.fits[ids].logs.max()) if ids in found.fits else -np.inf
 
     for ids, f in found.fits.items():
         if not np.isfinite(f.logs).all():
@@ -174,8 +182,8 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         part = _part(f, logs, f.moved_deg, own, worth, *sizes, repeats)
         if part is not None and f.trend_deg > s.no_gap * floor_deg:
             # What goes with the trials' order is structure that is left, too: an unknown effect
-            # beside a set, which has its price.
-            beside = s.temper * (float(logs.max()) + f.trend_nats) + log_prior(part.priced)
+            # beside a set.
+            beside = s.temper * (float(logs.max()) + f.trend_nats) + _with_one_more(part.priced)
             unknown = np.append(part.unknown, beside + np.log(s.unknown * s.trend))
             left = float(np.hypot(part.left_deg, f.trend_deg))
             part = replace(part, unknown=unknown, left_deg=left)
@@ -194,7 +202,7 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]
         return float("inf") if known is None else moved(one, known.predicted_kpa)
 
     def worth(ids: Ids) -> float:
-        return float(drive.fits[ids].evidence.max())
+        return float(drive.fits[ids].evidence.max()) if ids in drive.fits else -np.inf
 
     def without(one: DriveFit, name: str) -> Floats:
         less = one.effects.copy()

@@ -150,13 +150,15 @@ def error_of(model: Model) -> float:
     """Say by how much a model's response errs by its own identification, RMS, deg.
 
     That is the residual of the fractional order times the root of coefficients over independent
-    samples, the mean error of what a regression predicts; 0 where the model does not say it.
+    samples, the mean error of what a regression predicts, or less: a residual holds what trials
+    differ by, which the model's gain and time scale take. 0 where the model does not say it.
     """
     orders: Any = model.extra.get(selection.KEY)
     try:
         left = {one["model"]: float(one["rms_deg"]) for one in orders["models"]}
         share = len(PARAMETERS) / float(orders["independent_samples"])
-        return left[selection.FRACTIONAL] * float(np.sqrt(min(share, 1.0)))
+        regression = left[selection.FRACTIONAL] * float(np.sqrt(min(share, 1.0)))
+        return SETTINGS.model_error * regression
     except (KeyError, TypeError, ValueError, ZeroDivisionError):
         return 0.0
 
