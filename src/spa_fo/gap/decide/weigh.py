@@ -85,7 +85,7 @@ def _weighed(
     """Weigh an explanation as right, and as standing in for something else, by share.
 
     Without repeats what is left cannot be told from coloured noise: it speaks against no set, and
-    for no gap; but a gap that a set explains in part is there, and may be something else's.
+    for no gap; but a gap that a set explains in part is there, and may as well be something else's.
     """
     s = SETTINGS
     nothing = missed < s.left * floor_deg
@@ -93,7 +93,8 @@ def _weighed(
     penalty = np.where(small, 0.0, missed / max(missed[-1], 1e-9) / s.right_share)
     scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
     right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
-    unknown = s.temper * logs + _stands_in(ids) + np.log(s.unknown / _SHARES.size)
+    odds = s.unknown if repeats else 1.0  # even, where nothing tells
+    unknown = s.temper * logs + _stands_in(ids) + np.log(odds / _SHARES.size)
     return right, np.where(nothing if ids else small, -np.inf, unknown)
 
 
