@@ -153,7 +153,7 @@ def test_a_model_says_by_how_much_it_errs() -> None:
     models = [{"model": "fractional order", "rms_deg": 0.8}, {"model": "other", "rms_deg": 0.1}]
     orders = {"models": models, "independent_samples": 20.0}
     model = Model("arm", "rubber", TABLE_I["design_1"], 30.0, extra={"orders": orders})
-    assert error_of(model) == pytest.approx(0.4)
+    assert error_of(model) == pytest.approx(0.4 * SETTINGS.model_error)
     for unsaid in ({}, {"orders": None}, {"orders": {"models": models[1:]}}):
         assert error_of(replace(model, extra=unsaid)) == 0.0
 
