@@ -243,7 +243,8 @@ def beyond_expected(verdict: Verdict, size: float) -> Verdict:
         lost = sum(s.probability for s in verdict.scored if s.named) * (1.0 - trust)
         again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
         sets = tuple(named for named in again.sets if named in verdict.sets)
-        return replace(again, sets=sets)
+        unknown = verdict.kind == "unknown" or (again.kind != "no_gap" and not sets)
+        return replace(again, kind="unknown" if unknown else again.kind, sets=sets)
     return verdict
 
 
