@@ -7,8 +7,8 @@ where it leaves more. With L(s) the evidence where it misses a share s,
     unknown:  odds · one effect's prior · Σ_s L(s)^T / n,
 
 the first over all shares, those too small to matter counting as none; the second over those that
-matter: a set of two or more that stands in for one unknown effect pays a part of the price of the second.
-No gap is the plain model, or what repeats being too small to matter.
+matter: a set of two or more that stands in for one unknown effect pays a part of the price of the
+second. No gap is the plain model, or what repeats being too small to matter.
 """
 
 from __future__ import annotations
