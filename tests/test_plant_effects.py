@@ -20,7 +20,7 @@ from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import CONTRACT, IDS, LIBRARY, absent, stage_of, switches
 from spa_fo.plant.effects.sensor import read_angle
-from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.lost_rows import command_times
 from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S, contour_for

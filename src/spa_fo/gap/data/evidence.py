@@ -12,7 +12,7 @@ from scipy.interpolate import make_interp_spline
 
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
-from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.stages import true_pressure

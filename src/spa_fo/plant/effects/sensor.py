@@ -13,9 +13,9 @@ from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.sensor_creep import drift_on
 from spa_fo.plant.effects.sensor_hysteresis import lag_behind
 from spa_fo.plant.effects.sensor_lag import follow
-from spa_fo.plant.effects.sensor_nonlinearity import CURVE_KNOTS_DEG, bend_curve
+from spa_fo.plant.effects.sensor_nonlinearity import bend_curve
 from spa_fo.plant.effects.sensor_saturation import saturate
-from spa_fo.plant.effects.shared import Floats, Integers, creep_sizes, poles
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, Floats, Integers, creep_sizes, poles
 
 SENSOR_NONLINEARITY = LIBRARY["sensor_nonlinearity"].first
 SENSOR_SATURATION = LIBRARY["sensor_saturation"].first

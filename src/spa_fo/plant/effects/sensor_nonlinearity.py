@@ -6,10 +6,7 @@ import numpy as np
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Effect, Parameter, amplitude
-from spa_fo.plant.effects.shared import Floats
-
-CURVE_KNOTS_DEG = (-10.0, 0.0, 12.0, 24.0, 36.0, 48.0, 60.0, 75.0, 90.0)
-"""Angles between which an unknown sensor curve is drawn straight; it is right at 0°."""
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, Floats
 
 
 def _error_at(angle: float) -> Parameter:

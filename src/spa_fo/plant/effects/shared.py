@@ -1,4 +1,4 @@
-"""What several effects share: creep's spectrum, two poles of one time constant, a moment."""
+"""What several effects share: creep's spectrum, a moment, two poles of one time constant, knots."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from spa_fo.plant.effects.effect import Parameter, amplitude, lateness, shape, s
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+CURVE_KNOTS_DEG = (-10.0, 0.0, 12.0, 24.0, 36.0, 48.0, 60.0, 75.0, 90.0)
+"""Angles between which an unknown sensor curve is drawn straight; it is right at 0°."""
 CREEP_TIMES_S = np.logspace(-1.0, 3.5, 10)  # two a decade
 MOMENTS = tuple(np.linspace(0.02, 0.98, 49).tolist())  # a score test looks at each
 _DECADE = 0.5  # of creep time that one element stands for
