@@ -52,7 +52,7 @@ def squares(known: Coefficients, z: np.ndarray) -> float:
     ],
 )
 def test_its_step_response_is_known_and_the_rest_is_as_usual(given: np.ndarray) -> None:
-    centre, known = identified(given, NOISE, 6.0)
+    centre, known = identified(given, NOISE, 6.0, 8.0)
     final = given[4] / given[3]
     missed = step_response(T, *to_x(centre)) - step_response(T, *given)
     assert np.abs(missed).max() < 0.01 * final
@@ -68,7 +68,7 @@ def test_its_step_response_is_known_and_the_rest_is_as_usual(given: np.ndarray) 
 def test_coefficients_that_change_the_response_are_no_plausible_ones() -> None:
     # Three and a half deviations away, were the valley straight; the response changes by a fifth.
     given = np.array([1.36, 1.25, 0.77, 1.70, 0.98])
-    centre, known = identified(given, NOISE, 6.0)
+    centre, known = identified(given, NOISE, 6.0, 8.0)
     far = to_z(np.array([1.37, 1.11, 0.12, 0.72, 0.41]))
     slopes = response_of(known).slopes(centre)
     precision = slopes.T @ slopes + np.linalg.inv(known.spread)
@@ -76,8 +76,22 @@ def test_coefficients_that_change_the_response_are_no_plausible_ones() -> None:
     assert squares(known, far) - squares(known, centre) > 20.0 * straight
 
 
+def test_what_it_says_of_a_long_hold_is_known_too() -> None:
+    # The same up to some seconds, and then it creeps.
+    creeping = to_z(np.array([1.3644, 0.1021, 0.4034, 0.6441, 0.5074]))
+    centre, short = identified(np.array([1.351, 1.0, 0.0843, 1.0151, 0.5163]), NOISE, 6.0, 8.0)
+    _, long = identified(np.array([1.351, 1.0, 0.0843, 1.0151, 0.5163]), NOISE, 6.0, 60.0)
+    late = [
+        float(np.sum(response_of(known).left(creeping) ** 2))
+        - float(np.sum(response_of(known).left(centre) ** 2))
+        for known in (short, long)
+    ]
+    assert response_of(long).times_s[-1] == pytest.approx(60.0)
+    assert late[1] > 2.0 * late[0]
+
+
 def test_slopes_are_those_of_the_response() -> None:
-    centre, known = identified(TABLE_I["design_1"].as_array(), NOISE, 6.0)
+    centre, known = identified(TABLE_I["design_1"].as_array(), NOISE, 6.0, 8.0)
     response = response_of(known)
     for k, column in enumerate(response.slopes(centre).T):
         step = 1e-3 * np.eye(5)[k]
@@ -89,7 +103,7 @@ def test_a_gap_of_the_fixture_makes_the_response_less_sure() -> None:
     given = TABLE_I["design_1"].as_array()
 
     def of_gain(angle_deg: float) -> float:
-        centre, known = identified(given, NOISE, 6.0, angle_deg)
+        centre, known = identified(given, NOISE, 6.0, 8.0, angle_deg)
         louder = centre + np.array([0.0, 0.0, 0.0, 0.0, 0.01])
         return squares(known, louder) - squares(known, centre)
 
@@ -97,7 +111,7 @@ def test_a_gap_of_the_fixture_makes_the_response_less_sure() -> None:
 
 
 def test_what_may_have_shifted_is_known_as_far_as_it_may() -> None:
-    centre, known = identified(USUAL, NOISE, 6.0)
+    centre, known = identified(USUAL, NOISE, 6.0, 8.0)
     moved = known.shifted(centre)
     s = SETTINGS
     shift = searched_spread(centre, s.shift_orders, s.shift_logs, s.shift_gain)
@@ -121,7 +135,7 @@ def test_a_model_of_the_campaign_itself_tells_what_is_usual() -> None:
 
 
 def test_a_usual_actuator_is_its_own_centre() -> None:
-    centre, _ = identified(USUAL, NOISE, 6.0)
+    centre, _ = identified(USUAL, NOISE, 6.0, 8.0)
     np.testing.assert_allclose(centre, to_z(USUAL), atol=0.02)
 
 
@@ -158,7 +172,7 @@ def test_a_model_says_by_how_much_it_errs() -> None:
         assert error_of(replace(model, extra=unsaid)) == 0.0
 
     def of_gain(error_deg: float) -> float:
-        centre, known = identified(USUAL, NOISE, 6.0, 30.0, error_deg)
+        centre, known = identified(USUAL, NOISE, 6.0, 8.0, 30.0, error_deg)
         louder = centre + np.array([0.0, 0.0, 0.0, 0.0, 0.01])
         return squares(known, louder) - squares(known, centre)
 

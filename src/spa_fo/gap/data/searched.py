@@ -49,6 +49,11 @@ def at_rate(x: Floats, factor: float) -> Floats:
     return np.array([x[0], x[1], x[2] * factor ** (x[0] - x[1]), x[3] * fast, x[4] * fast])
 
 
+def quicker(z: Floats) -> Floats:
+    """Give how searched coefficients, (5,), go with the logarithm of an actuator's rate."""
+    return np.array([0.0, 0.0, z[0] * (1.0 - z[1]), z[0], 0.0])
+
+
 def wave(hz: float | Floats, time_s: Floats, width_s: Floats | float = 0.0) -> Floats:
     """Cosine and sine averaged over windows, (n, 2), or (n, k, 2) of k frequencies."""
     phase = 2.0 * np.pi * np.multiply.outer(time_s, hz)

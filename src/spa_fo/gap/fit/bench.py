@@ -123,14 +123,14 @@ def bench_for(
         By how much the given model errs by its own identification.
     """
     noise, rows, grid = bench_noise(evidence, given, beyond), rows_of(evidence), evidence.grid
-    # Half a trial is about as long as its first step.
-    horizon = 0.5 * float(np.median([np.ptp(grid.time_s[own_rows]) for own_rows in evidence.rows]))
+    lasted = [float(np.ptp(grid.time_s[own_rows])) for own_rows in evidence.rows]
+    horizon = 0.5 * float(np.median(lasted))  # about as long as a trial's first step
     if own:
         coefficients = usual(given, horizon)
         centre = coefficients.mean
     else:
         angle = float(np.sqrt(np.mean(grid.angle_deg**2)))
-        centre, coefficients = identified(given, noise, horizon, angle, error_deg)
+        centre, coefficients = identified(given, noise, horizon, max(lasted), angle, error_deg)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg
     scales = [scatter.gain, scatter.rest_deg, scatter.time_scale, dwell, _SLIP_DEG, 0.5]

@@ -17,7 +17,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import brentq, least_squares
 
 from spa_fo.fractional import step_response
-from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, searched_spread, to_x, to_z
+from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, quicker, searched_spread, to_x, to_z
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.identify import selection
@@ -26,8 +26,7 @@ from spa_fo.plant.paper import TABLE_I
 
 Floats = NDArray[np.float64]
 
-_TIMES_S = np.geomspace(0.05, 8.0, 14)
-"""Times at which the given model's step response is known; most models are fitted to these."""
+_FIRST_S, _A_DECADE = 0.05, 6  # times at which the given model's step response is known
 _SLOPE_STEP = 1e-4
 _RISEN = 0.63
 _FASTEST, _SLOWEST = 100.0, 0.01  # as fast as the paper's actuators
@@ -38,6 +37,7 @@ _SAMPLES = 400
 class KnownResponse:
     """The step response of a model that was identified elsewhere, as an observation."""
 
+    times_s: Floats  # (k,), up to the longest trial: what it says of a hold it says, too
     values: Floats  # (k,), of its final value
     gain: float  # that final value
     root: Floats  # (k, k), Cholesky factor, lower, of the covariance of its error
@@ -49,7 +49,7 @@ class KnownResponse:
 
     def left(self, z: Floats) -> Floats:
         """Give what searched coefficients leave of it, whitened, (k,)."""
-        left = self.values - step_response(_TIMES_S, *to_x(z[:5])) / self.gain
+        left = self.values - step_response(self.times_s, *to_x(z[:5])) / self.gain
         return np.asarray(solve_triangular(self.root, left, lower=True))
 
     def slopes(self, z: Floats) -> Floats:
@@ -105,10 +105,11 @@ def identified(
     given: Floats,
     noise: BenchNoise,
     horizon_s: float,
+    longest_s: float,
     angle_deg: float = np.inf,
     error_deg: float = 0.0,
 ) -> tuple[Floats, Coefficients]:
-    """Say what a model that was identified elsewhere tells.
+    """Say what a model that was identified elsewhere tells of trials that last up to `longest_s`.
 
     Its gain and time scale are the mean of a few trials, and its angles, about `angle_deg` in size,
     were read by a sensor calibrated as well as this one. By its own identification it errs by
@@ -124,11 +125,12 @@ def identified(
     gain = float(given[4] / given[3])
     read = (noise.fixture_deg or 0.0) / angle_deg
     error = float(np.linalg.norm([SETTINGS.response_error, read, error_deg / angle_deg]))
-    values = step_response(_TIMES_S, *given) / gain
-    known, before = (
-        KnownResponse(values, gain, error * np.eye(values.size)),
-        usual(given, horizon_s),
-    )
+    longest_s = max(longest_s, 2.0 * _FIRST_S)
+    count = 2 + int(_A_DECADE * np.log10(longest_s / _FIRST_S))
+    times_s = np.geomspace(_FIRST_S, longest_s, count)
+    values = step_response(times_s, *given) / gain
+    known = KnownResponse(times_s, values, gain, error * np.eye(count))
+    before = usual(given, horizon_s)
     root, inside = np.linalg.cholesky(before.spread), (LOWEST + 1e-2, HIGHEST - 5e-3)
 
     def left(z: Floats) -> Floats:
@@ -139,9 +141,8 @@ def identified(
         for start in (before.mean, to_z(given))
     ]
     z = np.asarray(min(found, key=lambda f: float(f.cost)).x)
-    quicker = np.array([0.0, 0.0, z[0] * (1.0 - z[1]), z[0], 0.0])
     scatter, trials = noise.scatter, SETTINGS.model_trials
-    moved = scatter.time_scale**2 / trials * np.outer(quicker, quicker)
+    moved = scatter.time_scale**2 / trials * np.outer(quicker(z), quicker(z))
     moved[4, 4] += scatter.gain**2 / trials + read**2
     return z, replace(before, response=known.wider(z, moved))
 

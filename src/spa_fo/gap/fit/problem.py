@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from spa_fo.gap.data.evidence import curve_columns
-from spa_fo.gap.data.searched import LN_GAIN, at_rate, to_x, wave
+from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
 from spa_fo.gap.fit.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.settings import SETTINGS
@@ -23,7 +23,6 @@ from spa_fo.plant.effects.library import LIBRARY, at_port
 
 Floats = NDArray[np.float64]
 
-_SCALE_STEP = 2e-3
 _KINK_DEG = 1.0  # over which the slope of a curve with kinks is taken
 _OF_TRIALS = [GAIN, REST, TIME_SCALE]
 _SURELY = 1e-3  # probability that a scatter is larger than its bound
@@ -121,11 +120,8 @@ class AngleProblem(Explained):
     def columns(self, z: Floats) -> Floats:
         """Columns of the nuisances about a point, (rows, size)."""
         grid, rows = self.evidence.grid, self.rows
-        n, (y, _), e = rows.size, self.predict(z), self.effects(z)
-        quick, _ = self.chain.mounted(self._in_fixture(e)[1]).run(
-            at_rate(to_x(z[:5]), 1.0 + _SCALE_STEP), e
-        )
-        gain, scale = self.slopes(z)[:n, LN_GAIN], rows.merged(quick - y) / _SCALE_STEP
+        n, (y, _), slopes = rows.size, self.predict(z), self.slopes(z)
+        gain, scale = slopes[:n, LN_GAIN], slopes[:n, : self.free] @ quicker(z)
         out = self._still.copy()
         out[:n, self.moving] = rows.merged(self._of_reading(y))
         out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
