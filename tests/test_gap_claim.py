@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import campaigns
 from spa_fo.gap.claim import claimed
-from spa_fo.gap.claim.claimed import own_scatter
+from spa_fo.gap.claim.scatter import doubt_of, own_scatter
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.decide.explanation import Explanation, simulate
 from spa_fo.gap.fit.bench import Bench, bench_for
@@ -119,6 +119,29 @@ def test_a_fast_interference_is_no_noise(
     waved = own_scatter(bench, replace(known, line=(50.0, 1.4)), alike, last, curves, 0.0)
     assert plain > 1.0
     assert waved < 1.2 * NOISE_DEG
+
+
+def test_what_an_explanation_takes_of_an_error_is_as_sure_as_trials_scatter(
+    bench: Bench, explained: tuple[Explanation, Floats]
+) -> None:
+    known, curve = explained
+    evidence, rng = bench.evidence, np.random.default_rng(1)
+    last = evidence.grid.sample_trial >= evidence.grid.sample_trial.max() - 1
+    without = 0.9 * curve
+    found = doubt_of(bench, known, evidence, last, without, curve)
+    taken = []
+    for _ in range(2000):
+        noise = np.zeros_like(curve)
+        for trial in np.unique(evidence.grid.sample_trial[last]):
+            own = evidence.grid.sample_trial == trial
+            noise[own] = rng.normal(0.0, SCATTER.gain) * curve[own]
+            noise[own] += rng.normal(0.0, SCATTER.rest_deg)
+        errors = [
+            np.average((curve + noise - each)[last] ** 2, weights=evidence.grid.counts[last])
+            for each in (without, curve)
+        ]
+        taken.append(errors[0] - errors[1])
+    assert found == pytest.approx(np.std(taken), rel=0.15)
 
 
 def test_what_closes_is_held_against_the_gap_beyond_noise() -> None:

@@ -21,8 +21,8 @@ def answer(probabilities: dict[Ids, float], unknown: float) -> Verdict:
     return judge(sorted(scored, key=lambda s: -s.probability), unknown, 0.0)
 
 
-def claims(closed: dict[Ids, float]) -> Claim:
-    return Claim({}, {}, closed, None)
+def claims(closed: dict[Ids, float], doubt: float = 0.0) -> Claim:
+    return Claim({}, {}, closed, None, dict.fromkeys(closed, doubt))
 
 
 def test_a_cause_that_closes_the_gap_stands() -> None:
@@ -34,6 +34,12 @@ def test_a_cause_that_closes_nothing_is_none() -> None:
     held = held_to(answer({("creep",): 0.9}, 0.1), claims({("creep",): 0.0}))
     assert (held.kind, held.sets) == ("unknown", ())
     assert held.unknown == pytest.approx(1.0)
+
+
+def test_trials_that_scatter_by_as_much_refute_nothing() -> None:
+    verdict = answer({("creep",): 0.9}, 0.1)
+    assert held_to(verdict, claims({("creep",): -0.2}, 0.5)) == verdict
+    assert held_to(verdict, claims({("creep",): -0.2}, 0.2)).kind == "unknown"
 
 
 def test_nobody_foretells_a_slip_so_it_stands() -> None:

@@ -15,6 +15,7 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.answer.causes import causes_of, p_value, smallest_bic, stages, traces_of
 from spa_fo.gap.answer.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.answer.locate import shares
+from spa_fo.gap.claim.against_laws import against_laws
 from spa_fo.gap.claim.claimed import (
     Claim,
     beyond_expected,
@@ -209,7 +210,10 @@ def _answered(
     progress("predicting trials that took no part")
     claimed = claim(examined, examined.verdict, rng)
     verdict = held_to(examined.verdict, claimed)
-    if beyond is not None:
+    if beyond is None:
+        progress("weighing laws that have no name against it")
+        verdict = against_laws(verdict, examined)
+    else:
         verdict = beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)

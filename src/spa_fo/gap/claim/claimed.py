@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from spa_fo.errors import BadInput
+from spa_fo.gap.claim.scatter import doubt_of, own_scatter
 from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
 from spa_fo.gap.data.hold_out import HeldOut, judged, rmse, shrink
-from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import (
     Explanation,
@@ -23,8 +23,7 @@ from spa_fo.gap.decide.explanation import (
 )
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.diagnosis import LawFound, Shrink
-from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE, Bench
-from spa_fo.gap.fit.problem import nuisance_scales
+from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import fit, without_others
@@ -43,7 +42,7 @@ CLEARLY = 3.0
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
 _LEAST_SHOWN = 0.1  # of the squared error: trials that show less of a gap still judge
-_RATE_STEP = 2e-3
+_SURELY = float(norm.ppf(SETTINGS.covered))  # deviations: as sure as what is named has to be
 
 
 @dataclass(frozen=True)
@@ -58,11 +57,13 @@ class Claim:
     errors: dict[Ids, float]  # RMS of the leading explanations, deg; of the plain model under ()
     closed: dict[Ids, float]  # what each leading explanation closes of the gap
     shrink: Shrink | None  # None where nothing is explained
+    doubt: dict[Ids, float] = field(default_factory=dict)  # 1 sigma of that, by noise and scatter
 
     def closes(self, named: Ids) -> bool:
-        """Say whether a set closes enough, or does what nobody can foretell of a trial."""
+        """Say whether a set may close enough, or does what nobody can foretell of a trial."""
         by_chance = any(at_port(port, named) for port in ("zeros", "line"))
-        return by_chance or self.closed.get(named, 0.0) >= SETTINGS.worth
+        most = self.closed.get(named, 0.0) + _SURELY * self.doubt.get(named, 0.0)
+        return by_chance or most >= SETTINGS.worth
 
 
 def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Claim:
@@ -93,6 +94,12 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
     # A model of the campaign itself has seen the held-out trials; identified again it has not.
     before = rmse(everything, refit, where) if found.bench.own else errors[()]
     closed = {named: _closed(before, errors[named], floor_deg) for named in predicted}
+    without = refit if found.bench.own else plain
+    doubt = {
+        named: doubt_of(found.bench, fitted[named], everything, where, without, curve)
+        / _gap_of(before, floor_deg)
+        for named, curve in predicted.items()
+    }
     made = None
     if first:
         left_deg = verdict.of(first).left_deg
@@ -100,13 +107,16 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         if not found.bench.noise.spectrum.repeats:
             scatter = max(scatter, floor_deg)  # nothing tells what is left from noise
         made = shrink(everything, held, curves, scatter, rng)
-    return Claim(curves, errors, closed, made)
+    return Claim(curves, errors, closed, made, doubt)
 
 
 def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
     """Share of the squared gap that closes, beyond noise as far as the trials show it."""
-    gap = max(before_deg**2 - floor_deg**2, _LEAST_SHOWN * before_deg**2, 1e-24)
-    return (before_deg**2 - after_deg**2) / gap
+    return (before_deg**2 - after_deg**2) / _gap_of(before_deg, floor_deg)
+
+
+def _gap_of(before_deg: float, floor_deg: float) -> float:
+    return max(before_deg**2 - floor_deg**2, _LEAST_SHOWN * before_deg**2, 1e-24)
 
 
 def exact(scored: Scored, examined: Examined, bench: Bench | None = None) -> Explanation:
@@ -144,54 +154,6 @@ def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
             rows = everything.rows[trial]
             out[rows] = np.interp(grid.time_s[rows], grid.time_s[repeated.rows], mean)
     return out
-
-
-def own_scatter(
-    bench: Bench,
-    chosen: Explanation,
-    everything: Evidence,
-    where: NDArray[np.bool_],
-    curves: Mapping[str, Floats],
-    left_deg: float,
-) -> float:
-    """Estimate the RMS of noise and scatter in some trials beside an explanation, deg.
-
-    A few trials scatter more or less than trials do on average, and what they happen to differ by
-    is neither left of the gap nor closed. Each has its gain, rest angle and time scale, of which is
-    known how much trials differ: what they are worth, given the prediction's error and beside what
-    it misses, is the scatter; noise is what the bench has. What a slip or an interference makes of
-    trials is no scatter.
-
-    `where`, (n,), tells their samples, `curves` is a claim's, and by `left_deg`, RMS, the
-    explanation misses the trials that it was fitted to.
-    """
-    grid = everything.grid
-    trials = np.isin(np.arange(len(grid.trials)), grid.sample_trial[where])
-    explained, plain = curves["explained"], curves["plain"]
-    judging = bench.without(~trials).with_gap(grid.angle_deg - plain, plain)
-    there, rows = judging.whitening, judging.whitening.rows
-    quick = simulate(chosen, everything, given=at_rate(chosen.x, 1.0 + _RATE_STEP))
-    moved = [explained, np.ones_like(explained), (quick - explained) / _RATE_STEP]
-    shapes = rows.merged(np.column_stack(moved))
-    factor = there.factor(1.0, left_deg / max(bench.gap_deg, 1e-9))
-    white_left = there.white(factor, rows.merged(grid.angle_deg - explained))
-    slips = at_port("zeros", chosen.ids) is not None
-    own = nuisance_scales(bench, slips)[[GAIN, REST, TIME_SCALE]]
-    trial = np.concatenate([group.trial for group in rows.groups])
-    count = np.concatenate([group.count for group in rows.groups])
-    squares = np.empty(rows.size)
-    for one in np.unique(trial):
-        here = trial == one
-        white = there.white(factor, np.where(here[:, None], shapes, 0.0))
-        spread = np.linalg.inv(white.T @ white + np.diag(own**-2.0))
-        mean, z = spread @ (white.T @ white_left), shapes[here]
-        squares[here] = (z @ mean) ** 2 + np.einsum("ij,jk,ik->i", z, spread, z)
-    spectrum, noise = bench.noise.spectrum, everything.noise_deg**2
-    if chosen.line is not None:
-        # A fast interference is no white noise, and hardly shows in averages over many samples.
-        noise = min(noise, spectrum.white)
-    scatter = np.average(squares, weights=count)
-    return float(np.sqrt(scatter + noise + spectrum.coloured.sum()))
 
 
 def held_to(verdict: Verdict, claimed: Claim) -> Verdict:

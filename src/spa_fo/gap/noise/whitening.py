@@ -151,6 +151,14 @@ class Whitening:
             out[group.rows] = own @ values[group.rows]
         return out
 
+    def variance_of(self, weights: Floats) -> float:
+        """Variance of a weighted sum over the rows, (rows,), as noise alone makes it."""
+        total = 0.0
+        for group, (coloured, white, _) in zip(self.rows.groups, self._parts, strict=True):
+            own = weights[group.rows]
+            total += float(own @ coloured @ own + white @ own**2)
+        return total
+
     def beyond_noise(self, left: Floats, level: float = 1.0) -> float:
         """RMS of what is left at the rows, (rows,), less what noise of a level makes of it.
 

@@ -48,21 +48,8 @@ _MOST_ALIKE = 0.99  # correlation of neighbouring samples
 
 def place_laws(bench: Bench, base: Fitted) -> list[LawFit]:
     """Fit a law at every place but the drive's beside what is known, the most probable first."""
-    factors = [bench.whitening.factor(base.level, s) for s in (SETTINGS.search_share, *SHARES)]
-    without = _without_law(bench, base, factors)
-    screened = []
-    for basis, start in _candidates(bench, base):
-        with suppress(ValueError):  # too steep for any motion: there is no such law
-            screened.append(fit_law(bench, start, basis, factors, rounds=1))
-    screened.sort(key=lambda fit: -_score(fit.logs))
-    for k, fit in enumerate(screened[:_FITTED]):
-        start = replace(base, changed=fit.beside.changed)
-        with suppress(ValueError):  # what lies beyond the screening is too steep
-            screened[k] = fit_law(bench, start, fit.basis, factors)
-    # Of the variants of one place the best stands.
-    screened.sort(key=lambda fit: _score(fit.logs))
-    fits = list({fit.basis.place: fit for fit in screened}.values())
-    scores = np.array([_score(without), *(_score(fit.logs) for fit in fits)])
+    without, fits = fitted_laws(bench, base)
+    scores = np.array([standing(without), *(standing(fit.logs) for fit in fits)])
     probability = np.exp(scores - logsumexp(scores))[1:]
     placed = [
         replace(fit, probability=share, nats=float(fit.logs[1:].max() - without[1:].max()))
@@ -70,6 +57,32 @@ def place_laws(bench: Bench, base: Fitted) -> list[LawFit]:
         if share >= SETTINGS.least and score > scores[0]
     ]
     return sorted(placed, key=lambda fit: -fit.probability)
+
+
+def fitted_laws(bench: Bench, base: Fitted) -> tuple[Floats, list[LawFit]]:
+    """Fit a law at every place but the drive's, the best of them to their end.
+
+    Returns
+    -------
+    without : (1 + shares,) array
+        Log evidence of what is known by itself, as a law's `logs`.
+    fits : list of LawFit
+        One a place.
+    """
+    factors = [bench.whitening.factor(base.level, s) for s in (SETTINGS.search_share, *SHARES)]
+    without = _without_law(bench, base, factors)
+    screened = []
+    for basis, start in _candidates(bench, base):
+        with suppress(ValueError):  # too steep for any motion: there is no such law
+            screened.append(fit_law(bench, start, basis, factors, rounds=1))
+    screened.sort(key=lambda fit: -standing(fit.logs))
+    for k, fit in enumerate(screened[:_FITTED]):
+        start = replace(base, changed=fit.beside.changed)
+        with suppress(ValueError):  # what lies beyond the screening is too steep
+            screened[k] = fit_law(bench, start, fit.basis, factors)
+    # Of the variants of one place the best stands.
+    screened.sort(key=lambda fit: standing(fit.logs))
+    return without, list({fit.basis.place: fit for fit in screened}.values())
 
 
 def law_at(bench: Bench, base: Fitted, place: str) -> LawFit:
@@ -124,10 +137,15 @@ def _without_law(bench: Bench, base: Fitted, factors: Sequence[Factor]) -> Float
     return np.array([problem.weigh(linear, f, base.variances, rounds=3)[0] for f in factors])
 
 
-def _score(logs: Floats) -> float:
+def standing(logs: Floats) -> float:
     """How a law stands: its evidence where it misses a share, and what missing that costs."""
+    return weighed(logs[1:])
+
+
+def weighed(logs: Floats) -> float:
+    """Weigh log evidence by share that is missed, (shares,), at the best of them."""
     costs = np.array(SHARES) / SETTINGS.right_share
-    return float(np.max(SETTINGS.temper * logs[1:] - costs))
+    return float(np.max(SETTINGS.temper * logs - costs))
 
 
 # --- the drive -----------------------------------------------------------------------------------

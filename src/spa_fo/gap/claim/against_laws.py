@@ -1,0 +1,53 @@
+"""Whether one unknown cause does better than what has a name.
+
+A free-form law says what one unknown effect could do at its place in the chain. Beforehand it is as
+probable as one effect, by the odds of an unknown cause, and nobody knows its place. So it hardly
+beats a single effect that is right, but it does beat what compensates for an effect that the
+library lacks, often several together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from spa_fo.gap.decide.examine import Examined
+from spa_fo.gap.decide.explanation import angle_part
+from spa_fo.gap.decide.verdict import Scored, Verdict, judge
+from spa_fo.gap.places.laws import fitted_laws, standing, weighed
+from spa_fo.gap.prior import log_prior
+from spa_fo.gap.search.fitted import price
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import LIBRARY
+
+
+def against_laws(verdict: Verdict, examined: Examined) -> Verdict:
+    """Hold the leading set of an answer against laws without a name."""
+    if verdict.kind not in ("cause", "ambiguous"):
+        return verdict
+    first, found = verdict.of(verdict.sets[0]), examined.found
+    drive = None if examined.drive is None else examined.drive.best
+    named = angle_part(first.named, drive, first.fast is not None)
+    if not named:
+        return verdict  # the pressure says it, whatever the angle may lack
+    _, laws = fitted_laws(found.bench, found.plain)
+    if not laws:
+        return verdict
+    one = log_prior(tuple(LIBRARY)[:1]) + np.log(SETTINGS.unknown / len(laws))
+    law = one + logsumexp([standing(fit.logs) for fit in laws])
+    name = log_prior(named) + weighed(first.angle.logs - price(first.angle))
+    return _with_unknown(verdict, first, float(np.exp(min(law - name, 100.0))))
+
+
+def _with_unknown(verdict: Verdict, first: Scored, times: float) -> Verdict:
+    """Let an unknown cause be so many times as probable as a set, beside what it is already."""
+    more = times * first.probability
+    scored = [replace(one, probability=one.probability / (1.0 + more)) for one in verdict.scored]
+    unknown = verdict.unknown + more
+    of_drive = verdict.unknown_drive * verdict.unknown / max(unknown, 1e-12)
+    again = judge(scored, unknown / (1.0 + more), of_drive)
+    if again.kind != "unknown":
+        return replace(again, kind=verdict.kind, sets=verdict.sets)
+    return replace(again, sets=tuple(named for named in again.sets if named in verdict.sets))
