@@ -7,10 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from spa_fo.fractional import step_response
 from spa_fo.gap.data.searched import searched_spread, to_x, to_z
-from spa_fo.gap.fit.bench import level_prior
+from spa_fo.gap.fit.bench import hidden_deg, level_prior
 from spa_fo.gap.fit.coefficients import (
     Coefficients,
     KnownResponse,
@@ -127,6 +128,28 @@ def test_what_may_have_shifted_is_known_as_far_as_it_may() -> None:
     assert response_of(moved).log_noise == pytest.approx(np.linalg.slogdet(wider)[1])
 
 
+def test_beside_tempered_evidence_what_a_model_tells_counts_whole() -> None:
+    centre, known = identified(USUAL, NOISE, 6.0, 8.0)
+    far = centre + np.array([0.02, -0.01, 0.1, 0.05, 0.01])
+    tempered = SETTINGS.temper * squares(replace(known.untempered(), spread=np.eye(5) * 1e9), far)
+    assert tempered == pytest.approx(squares(replace(known, spread=np.eye(5) * 1e9), far), rel=1e-3)
+    bare = usual(USUAL, 6.0)
+    assert bare.untempered() is bare
+
+
+def test_what_a_model_tells_is_as_probable_as_its_response() -> None:
+    # So little is left open that the response is straight over it: a normal distribution.
+    centre, known = identified(USUAL, NOISE, 6.0, 8.0)
+    narrow = replace(known, mean=centre, spread=np.diag([1e-4, 1e-4, 1e-3, 1e-3, 1e-4]) ** 2)
+    response = response_of(narrow)
+    slopes = response.root @ response.slopes(centre)
+    covariance = response.root @ response.root.T + slopes @ narrow.spread @ slopes.T
+    left = response.values - step_response(response.times_s, *to_x(centre)) / response.gain
+    naive = multivariate_normal(np.zeros(left.size), covariance).logpdf(left)
+    assert narrow.log_evidence(centre) == pytest.approx(float(naive), abs=0.02)
+    assert usual(USUAL, 6.0).log_evidence(centre) == 0.0
+
+
 def test_a_model_of_the_campaign_itself_tells_what_is_usual() -> None:
     known = usual(USUAL, 6.0)
     assert known.response is None
@@ -151,6 +174,20 @@ def test_noise_is_no_more_than_twice_what_repeats_or_a_reference_say() -> None:
     assert np.isfinite(level(8, False, 2.0))
     assert np.isfinite(level(0, False, 2.9))
     assert level(8, False, 1.0) == 0.0 > level(8, False, 1.4) > level(8, False, 2.0)
+
+
+@pytest.mark.parametrize("noise_deg", [0.0, 0.05, 0.1, 0.2, 0.6])
+def test_a_step_hides_what_noise_of_its_size_does_not_show(noise_deg: float) -> None:
+    step, rng = 0.5, np.random.default_rng(1)
+    angle = np.linspace(0.0, 5.0, 400)
+    noise = noise_deg * rng.normal(size=(2000, angle.size))
+    read = step * np.round((angle + noise) / step)
+    shared = float(np.std(read.mean(axis=0) - angle))  # the same in all repeats
+    seen = float(np.hypot(noise_deg, step / np.sqrt(12.0)))
+    trial = SimpleNamespace(angle_deg=read[0])
+    evidence = SimpleNamespace(grid=SimpleNamespace(trials=[trial]), noise_deg=seen)
+    found = hidden_deg(evidence)  # type: ignore[arg-type]
+    assert found == pytest.approx(shared, rel=0.3, abs=0.02)
 
 
 @pytest.mark.parametrize("repeats", [3, 8, 40])

@@ -9,6 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+# Two linear filters in series are one to whoever sees only what goes in and what comes out: a drive
+# and a reading that lag, or are late, are told apart by the pressure between them alone.
+IN_SERIES = frozenset({"dead_time", "line_lag", "sensor_lag", "channel_latency"})
+
 # Effects that no signal of a campaign, or hardly any, separates once one of them is at work.
 CONFOUNDED: tuple[frozenset[str], ...] = (
     frozenset({"creep", "sensor_creep"}),
@@ -43,7 +47,11 @@ def confounded(one: str, other: str) -> bool:
     return any({one, other} <= group for group in CONFOUNDED)
 
 
-def equivalents(effect: str) -> tuple[str, ...]:
-    """List the other effects of the library that are a fair name for this one."""
-    alike = {other for group in CONFOUNDED if effect in group for other in group}
+def equivalents(effect: str, pressure: bool = True) -> tuple[str, ...]:
+    """List the other effects of the library that are a fair name for this one.
+
+    `pressure` says whether the pressure was measured.
+    """
+    groups = CONFOUNDED if pressure else (*CONFOUNDED, IN_SERIES)
+    alike = {other for group in groups if effect in group for other in group}
     return tuple(sorted(alike - {effect}))

@@ -47,7 +47,8 @@ def _fair_answers(case: Case) -> tuple[str, ...]:
     kind, effects = case.asked["kind"], case.asked["effects"]
     if kind == "alien":
         return tuple(rig_named(case.rig).FOREIGN[effects[0]])
-    return equivalents(effects[0]) if kind == "withheld" else ()
+    pressure = bool(case.asked["surroundings"]["pressure"]["measured"])
+    return equivalents(effects[0], pressure) if kind == "withheld" else ()
 
 
 def _salt(case: Case) -> str:

@@ -227,7 +227,7 @@ class Scores:
         The worst first.
     rigs : mapping of str to RigScores
     equivalents : mapping of str to list of str
-        What counted as a fair answer for an effect that the library lacks.
+        What counted as a fair answer for an effect that the library lacks, in any case of it.
     """
 
     cases: int
@@ -270,15 +270,17 @@ def score(outcomes: Sequence[Outcome]) -> Scores:
     """
     outcomes = sorted(outcomes, key=lambda outcome: outcome.truth.case)
     classes = class_marks(outcomes)
+    fair: dict[str, set[str]] = {}
+    for outcome in outcomes:
+        if outcome.truth.is_missing:
+            fair.setdefault(row(outcome.truth), set()).update(outcome.truth.equivalents)
     return Scores(
         cases=len(outcomes),
         marks=marks(outcomes, classes),
         classes=classes,
         effects=effect_scores(outcomes),
         rigs={rig: _rig_scores(own) for rig, own in by_rig(outcomes).items()},
-        equivalents={
-            row(o.truth): sorted(o.truth.equivalents) for o in outcomes if o.truth.is_missing
-        },
+        equivalents={effect: sorted(names) for effect, names in fair.items()},
     )
 
 

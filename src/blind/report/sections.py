@@ -289,6 +289,7 @@ def equivalents(scores: Scores) -> str:
     return (
         "Recorded with the sealed labels, before any diagnosis; the reasons stand in "
         "`blind/equivalents.py` and in each rig. For every effect that is not listed only "
-        "`unknown` is right; the column *unknown* of the table by kind counts that alone.\n\n"
-        + "\n".join(lines)
+        "`unknown` is right; the column *unknown* of the table by kind counts that alone. A lag or "
+        "a delay of the drive and one of the reading are fair for each other only where the "
+        "pressure was not measured.\n\n" + "\n".join(lines)
     )

@@ -36,7 +36,9 @@ def against_laws(verdict: Verdict, examined: Examined) -> Verdict:
     if not laws:
         return verdict
     one = log_prior(tuple(LIBRARY)[:1]) + np.log(SETTINGS.unknown / len(laws))
-    law = one + logsumexp([standing(fit.logs) for fit in laws])
+    # A law's coefficients have what a given model tells beforehand, a set has it among its rows.
+    told = found.bench.coefficients.untempered().log_evidence(found.bench.centre)
+    law = one + logsumexp([standing(fit.logs + told) for fit in laws])
     name = log_prior(named) + weighed(first.angle.logs - price(first.angle))
     return _with_unknown(verdict, first, float(np.exp(min(law - name, 100.0))))
 

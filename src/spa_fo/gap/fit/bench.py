@@ -31,6 +31,7 @@ _MOST_ROWS = 1000  # a factor of their covariance costs the third power of an ex
 _ABOUT = 7  # rows that say how large a gap is at one of them
 _LOCAL = 0.5  # of a gap's size at a row, the rest is the campaign's mean
 _SLIP_DEG = 0.4
+_A_STEP = 0.1  # quantile of the distances of neighbouring values: some counts are never read
 _MOST_LEVEL = 2.0  # against what a reference says, or repeats: what is beyond is no noise
 
 
@@ -69,13 +70,13 @@ class Bench:
         for group in rows.groups:
             expected[group.rows] += spectrum.white / group.count
         size = local_size(rows, rows.merged(residual_deg) ** 2 - expected)
-        return replace(self, whitening=Whitening(rows, spectrum, size))
+        return replace(self, whitening=Whitening(rows, spectrum, size, self.whitening.hidden))
 
     def without(self, trials: NDArray[np.bool_]) -> Bench:
         """Return the bench of all trials but some, (trials,) bool."""
         evidence = replace(self.evidence, takes_part=~trials)
         rows = rows_of(evidence)
-        none = Whitening(rows, self.noise.spectrum, np.zeros(rows.size))
+        none = replace(self.whitening, rows=rows, gap=np.zeros(rows.size))
         return replace(self, evidence=evidence, whitening=none)
 
     @property
@@ -137,7 +138,7 @@ def bench_for(
     return Bench(
         evidence=evidence,
         noise=noise,
-        whitening=Whitening(rows, noise.spectrum, np.zeros(rows.size)),
+        whitening=Whitening(rows, noise.spectrum, np.zeros(rows.size), hidden_deg(evidence)),
         chain=angle_chain(evidence, to_x(centre), pressure_kpa),
         scales=np.array(scales),
         given=to_z(given),
@@ -145,6 +146,22 @@ def bench_for(
         coefficients=coefficients,
         own=own,
     )
+
+
+def hidden_deg(evidence: Evidence) -> float:
+    """Say what the converter's step hides of an angle, 1 sigma, deg.
+
+    What noise of σ leaves of the error of a rounding to steps q, a wave of period q, is its first
+    harmonic, e^{-2π²σ²/q²} of it (dither; Widrow and Kollár 2008, doi:10.1017/CBO9780511754661).
+    """
+    steps = [np.diff(np.unique(np.round(trial.angle_deg, 6))) for trial in evidence.grid.trials]
+    seen = [float(np.quantile(each, _A_STEP)) for each in steps if each.size]
+    q = float(np.median(seen)) if seen else 0.0
+    if q <= 0.0:
+        return 0.0
+    rounding = q / float(np.sqrt(12.0))  # which stands in the noise of neighbours, too
+    dither = max(evidence.noise_deg**2 - rounding**2, 0.0)
+    return rounding * float(np.exp(-2.0 * np.pi**2 * dither / q**2))
 
 
 def plain_deg(bench: Bench) -> Floats:

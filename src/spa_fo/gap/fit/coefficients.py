@@ -81,6 +81,27 @@ class Coefficients:
         known = np.linalg.inv(slopes.T @ slopes + np.linalg.inv(self.spread))
         return Coefficients(z, known + _shift(z))
 
+    def untempered(self) -> Coefficients:
+        """Return it as it counts beside rows whose evidence is tempered.
+
+        What is missed by a form repeats over the rows; how a model errs it has said before them.
+        """
+        if self.response is None:
+            return self
+        root = np.sqrt(SETTINGS.temper) * self.response.root
+        return replace(self, response=replace(self.response, root=root))
+
+    def log_evidence(self, z: Floats) -> float:
+        """Log marginal likelihood of the response that is known, by Laplace about its best `z`."""
+        if self.response is None:
+            return 0.0
+        left, slopes, away = self.response.left(z), self.response.slopes(z), z - self.mean
+        precision = np.linalg.inv(self.spread)
+        fit = float(left @ left + away @ precision @ away)
+        log_determinant = float(np.linalg.slogdet(self.spread @ (slopes.T @ slopes + precision))[1])
+        log_noise = self.response.log_noise + left.size * np.log(2.0 * np.pi)
+        return -0.5 * (fit + log_determinant + float(log_noise))
+
     def shifted(self, z: Floats) -> Coefficients:
         """Return what is known where the parameters have shifted since, about `z`."""
         if self.response is None:
