@@ -13,12 +13,20 @@ from spa_fo.gap.claim.against_laws import against_laws
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.fit.bench import SHARES
+from spa_fo.gap.fit.coefficients import usual
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.paper import TABLE_I
 
 Ids = tuple[str, ...]
 NATS = 1000.0
+BENCH = SimpleNamespace(coefficients=usual(TABLE_I["design_1"].as_array(), 6.0), centre=None)
 EXAMINED = cast(
-    Examined, SimpleNamespace(drive=None, found=SimpleNamespace(bench=None, plain=None))
+    Examined,
+    SimpleNamespace(
+        drive=None,
+        found=SimpleNamespace(bench=BENCH, plain=None),
+        everything=SimpleNamespace(data=SimpleNamespace(trials=())),
+    ),
 )
 
 
@@ -38,8 +46,9 @@ def answer(named: Ids, probability: float = 0.9) -> Verdict:
 
 @pytest.fixture
 def laws(monkeypatch: pytest.MonkeyPatch) -> Any:
-    def of(*nats: float) -> None:
-        fits = [SimpleNamespace(logs=np.append(0.0, logs(each))) for each in nats]
+    def of(*nats: float, place: str = "moment") -> None:
+        basis = SimpleNamespace(place=place)
+        fits = [SimpleNamespace(basis=basis, logs=np.append(0.0, logs(each))) for each in nats]
         monkeypatch.setattr(module, "fitted_laws", lambda bench, base: (None, fits))
 
     return of
@@ -70,6 +79,19 @@ def test_what_a_law_does_far_better_is_not_known(laws: Any) -> None:
     held = against_laws(answer(("creep",)), EXAMINED)
     assert held.kind == "unknown"
     assert held.unknown > 0.99
+
+
+def test_what_goes_with_the_order_of_the_trials_may_be_their_scatter(laws: Any) -> None:
+    laws(NATS + 10.0 / SETTINGS.temper, place="trial_rest")
+    verdict = answer(("creep",))
+    assert against_laws(verdict, EXAMINED) == verdict
+
+
+def test_what_only_single_rigs_show_explains_what_is_not_known(laws: Any) -> None:
+    laws(NATS - 100.0 / SETTINGS.temper)
+    assert against_laws(answer(("creep",)), EXAMINED).kind == "cause"
+    held = against_laws(answer(("opening_fold",)), EXAMINED)
+    assert (held.kind, held.sets) == ("unknown", (("opening_fold",),))
 
 
 @pytest.mark.parametrize("kind", ["no_gap", "unknown"])

@@ -206,11 +206,12 @@ def test_a_model_says_by_how_much_it_errs() -> None:
     model = Model("arm", "rubber", TABLE_I["design_1"], 30.0, extra={"orders": orders})
     assert error_of(model) == pytest.approx(0.4 * SETTINGS.model_error)
     for unsaid in ({}, {"orders": None}, {"orders": {"models": models[1:]}}):
-        assert error_of(replace(model, extra=unsaid)) == 0.0
+        assert error_of(replace(model, extra=unsaid)) is None
 
-    def of_gain(error_deg: float) -> float:
+    def of_gain(error_deg: float | None) -> float:
         centre, known = identified(USUAL, NOISE, 6.0, 8.0, 30.0, error_deg)
         louder = centre + np.array([0.0, 0.0, 0.0, 0.0, 0.01])
         return squares(known, louder) - squares(known, centre)
 
     assert of_gain(2.0) < 0.5 * of_gain(0.0)
+    assert of_gain(None) < 0.8 * of_gain(0.0)

@@ -212,7 +212,7 @@ def _answered(
     verdict = held_to(examined.verdict, claimed)
     if beyond is None:
         progress("weighing laws that have no name against it")
-        verdict = against_laws(verdict, examined)
+        verdict = held_to(against_laws(verdict, examined), claimed)
     else:
         verdict = beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
     if verdict.sets[:1] != examined.verdict.sets[:1]:

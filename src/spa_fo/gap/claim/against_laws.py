@@ -3,7 +3,8 @@
 A free-form law says what one unknown effect could do at its place in the chain. Beforehand it is as
 probable as one effect, by the odds of an unknown cause, and nobody knows its place. So it hardly
 beats a single effect that is right, but it does beat what compensates for an effect that the
-library lacks, often several together.
+library lacks, often several together. What only single rigs show is no more probable than that: it
+is named as what explains the gap while the cause is unknown.
 """
 
 from __future__ import annotations
@@ -16,31 +17,48 @@ from scipy.special import logsumexp
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import angle_part
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
+from spa_fo.gap.places.law_basis import ORDERED
 from spa_fo.gap.places.laws import fitted_laws, standing, weighed
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.fitted import price
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, log_odds, tried_late
 
 
 def against_laws(verdict: Verdict, examined: Examined) -> Verdict:
     """Hold the leading set of an answer against laws without a name."""
     if verdict.kind not in ("cause", "ambiguous"):
         return verdict
-    first, found = verdict.of(verdict.sets[0]), examined.found
+    first = verdict.of(verdict.sets[0])
+    more = max(_laws(first, examined), _others_as_rare(first, examined))
+    return _with_unknown(verdict, first, float(np.exp(min(more, 100.0))))
+
+
+def _laws(first: Scored, examined: Examined) -> float:
+    """Say how probable laws are against a set, logarithm of the ratio."""
+    found = examined.found
     drive = None if examined.drive is None else examined.drive.best
     named = angle_part(first.named, drive, first.fast is not None)
     if not named:
-        return verdict  # the pressure says it, whatever the angle may lack
-    _, laws = fitted_laws(found.bench, found.plain)
+        return -np.inf  # the pressure says it, whatever the angle may lack
+    _, fits = fitted_laws(found.bench, found.plain)
+    # What goes with the trials' order may be their scatter: it is weighed as a trend.
+    laws = [fit for fit in fits if fit.basis.place not in ORDERED]
     if not laws:
-        return verdict
+        return -np.inf
     one = log_prior(tuple(LIBRARY)[:1]) + np.log(SETTINGS.unknown / len(laws))
     # A law's coefficients have what a given model tells beforehand, a set has it among its rows.
     told = found.bench.coefficients.untempered().log_evidence(found.bench.centre)
     law = one + logsumexp([standing(fit.logs + told) for fit in laws])
-    name = log_prior(named) + weighed(first.angle.logs - price(first.angle))
-    return _with_unknown(verdict, first, float(np.exp(min(law - name, 100.0))))
+    return float(law - log_prior(named) - weighed(first.angle.logs - price(first.angle)))
+
+
+def _others_as_rare(first: Scored, examined: Examined) -> float:
+    """Say how probable another effect is that does what a rare one does, logarithm of the ratio."""
+    late = tried_late(examined.everything.data.trials)
+    if not set(first.named) & set(late):
+        return -np.inf
+    return float(np.log(SETTINGS.unknown) - log_odds(first.named))
 
 
 def _with_unknown(verdict: Verdict, first: Scored, times: float) -> Verdict:

@@ -104,7 +104,7 @@ def bench_for(
     own: bool,
     pressure_kpa: Floats | None,
     beyond: Beyond | None = None,
-    error_deg: float = 0.0,
+    error_deg: float | None = 0.0,
 ) -> Bench:
     """Make a campaign ready.
 
@@ -120,8 +120,8 @@ def bench_for(
         True pressure, where it is known.
     beyond : Beyond, optional
         What is to be expected beside the bench's own noise.
-    error_deg : float
-        By how much the given model errs by its own identification.
+    error_deg : float or None
+        By how much the given model errs by its own identification; None where it does not say.
     """
     noise, rows, grid = bench_noise(evidence, given, beyond), rows_of(evidence), evidence.grid
     lasted = [float(np.ptp(grid.time_s[own_rows])) for own_rows in evidence.rows]

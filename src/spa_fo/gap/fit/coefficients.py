@@ -128,13 +128,13 @@ def identified(
     horizon_s: float,
     longest_s: float,
     angle_deg: float = np.inf,
-    error_deg: float = 0.0,
+    error_deg: float | None = 0.0,
 ) -> tuple[Floats, Coefficients]:
     """Say what a model that was identified elsewhere tells of trials that last up to `longest_s`.
 
     Its gain and time scale are the mean of a few trials, and its angles, about `angle_deg` in size,
     were read by a sensor calibrated as well as this one. By its own identification it errs by
-    `error_deg`, see `error_of`.
+    `error_deg`, see `error_of`; one that does not say so may err in its gain as in its response.
 
     Returns
     -------
@@ -145,7 +145,8 @@ def identified(
     """
     gain = float(given[4] / given[3])
     read = (noise.fixture_deg or 0.0) / angle_deg
-    error = float(np.linalg.norm([SETTINGS.response_error, read, error_deg / angle_deg]))
+    own = 0.0 if error_deg is None else error_deg / angle_deg
+    error = float(np.linalg.norm([SETTINGS.response_error, read, own]))
     longest_s = max(longest_s, 2.0 * _FIRST_S)
     count = 2 + int(_A_DECADE * np.log10(longest_s / _FIRST_S))
     times_s = np.geomspace(_FIRST_S, longest_s, count)
@@ -165,15 +166,17 @@ def identified(
     scatter, trials = noise.scatter, SETTINGS.model_trials
     moved = scatter.time_scale**2 / trials * np.outer(quicker(z), quicker(z))
     moved[4, 4] += scatter.gain**2 / trials + read**2
+    if error_deg is None:
+        moved[4, 4] += SETTINGS.response_error**2
     return z, replace(before, response=known.wider(z, moved))
 
 
-def error_of(model: Model) -> float:
+def error_of(model: Model) -> float | None:
     """Say by how much a model's response errs by its own identification, RMS, deg.
 
     That is the residual of the fractional order times the root of coefficients over independent
     samples, the mean error of what a regression predicts, or less: a residual holds what trials
-    differ by, which the model's gain and time scale take. 0 where the model does not say it.
+    differ by, which the model's gain and time scale take. None where the model does not say it.
     """
     orders: Any = model.extra.get(selection.KEY)
     try:
@@ -182,7 +185,7 @@ def error_of(model: Model) -> float:
         regression = left[selection.FRACTIONAL] * float(np.sqrt(min(share, 1.0)))
         return SETTINGS.model_error * regression
     except (KeyError, TypeError, ValueError, ZeroDivisionError):
-        return 0.0
+        return None
 
 
 def typical(given: Floats, horizon_s: float) -> Floats:
