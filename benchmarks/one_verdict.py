@@ -51,6 +51,7 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
     import numpy as np
 
     from blind.judge.realised import campaign_data, judged_model
+    from spa_fo.gap.claim.against_laws import against_laws
     from spa_fo.gap.claim.claimed import Claim, claim, held_to
     from spa_fo.gap.decide.examine import examine
     from spa_fo.gap.decide.weigh import decide
@@ -72,10 +73,11 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
         verdict = decide(e.found, e.drive, fast, evidence, e.floor_deg)
         if not known or not set(verdict.sets) <= set(known[0].closed):
             new = claim(e, verdict, rng)
-            before = known.pop().closed if known else {}
-            closed = dict.fromkeys(verdict.sets, 0.0) | before | new.closed
-            known.append(replace(new, closed=closed))
+            before = known.pop() if known else new
+            closed = dict.fromkeys(verdict.sets, 0.0) | before.closed | new.closed
+            known.append(replace(new, closed=closed, doubt=before.doubt | new.doubt))
         verdict = held_to(verdict, known[0])
+        verdict = held_to(against_laws(verdict, e), known[0])
         return verdict.kind, [list(names) for names in verdict.sets]
 
     return said

@@ -42,7 +42,6 @@ CLEARLY = 3.0
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
 _LEAST_SHOWN = 0.1  # of the squared error: trials that show less of a gap still judge
-_SURELY = float(norm.ppf(SETTINGS.covered))  # deviations: as sure as what is named has to be
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,8 @@ class Claim:
     def closes(self, named: Ids) -> bool:
         """Say whether a set may close enough, or does what nobody can foretell of a trial."""
         by_chance = any(at_port(port, named) for port in ("zeros", "line"))
-        most = self.closed.get(named, 0.0) + _SURELY * self.doubt.get(named, 0.0)
+        surely = float(norm.ppf(SETTINGS.covered))  # deviations: as sure as what is named
+        most = self.closed.get(named, 0.0) + surely * self.doubt.get(named, 0.0)
         return by_chance or most >= SETTINGS.worth
 
 
