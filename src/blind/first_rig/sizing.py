@@ -52,6 +52,10 @@ class Reading:
         return all(np.mean(angle < limit) <= share for limit, share in _BELOW)
 
 
+class _NoCurve(ValueError):
+    """Two known angles that read alike: nobody calibrates such a sensor."""
+
+
 def exact_readings(specimen: Specimen, plan: Plan, *later: Plan) -> list[Reading]:
     """Run a campaign, and what continues it, without noise and scatter; slips are as drawn.
 
@@ -99,6 +103,8 @@ def _calibrated(plan: Plan, station: Station, channel: Channel) -> Callable[[Arr
     settled = settled[:, settled.shape[1] // 2 :].mean(axis=1)
     angles = np.unique(dwells)
     knots = np.array([settled[dwells == at].mean() for at in angles])
+    if np.any(np.diff(knots) <= 0.0):
+        raise _NoCurve
     curve = PchipInterpolator(knots, angles)
     slope = curve.derivative()
 
@@ -185,7 +191,10 @@ class Scale:
 
     def weigh(self, specimen: Specimen) -> tuple[float, bool]:
         """Size of what this specimen does otherwise; and whether all of it can be read."""
-        readings = exact_readings(specimen, self._plan, self._later)
+        try:
+            readings = exact_readings(specimen, self._plan, self._later)
+        except _NoCurve:
+            return np.inf, False
         change = _angles(readings)[: self._plain_deg.size] - self._plain_deg
         return rms(change) / self.floor_deg, all(reading.readable for reading in readings)
 
