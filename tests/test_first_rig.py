@@ -391,6 +391,8 @@ def test_the_solver_finds_the_size_or_the_end():
     assert solve(lambda x: (x**2, True), 9.0, 0.1, 100.0).amplitude == pytest.approx(3.0, rel=0.02)
     saturating = solve(lambda x: (x / (1.0 + x), True), 5.0, 0.1, 100.0)
     assert (saturating.amplitude, saturating.size) == (100.0, 100.0 / 101.0)
+    unread = solve(lambda x: (x, True) if x <= 2.0 else (np.inf, False), 5.0, 0.1, 100.0)
+    assert unread.amplitude == pytest.approx(2.0, rel=0.02)  # no curve beyond
     barred = solve(lambda x: (x, x <= 2.0), 5.0, 0.1, 100.0)
     assert 1.95 < barred.amplitude <= 2.0
 
