@@ -49,7 +49,7 @@ def laws(monkeypatch: pytest.MonkeyPatch) -> Any:
     def of(*nats: float, place: str = "moment") -> None:
         basis = SimpleNamespace(place=place)
         fits = [SimpleNamespace(basis=basis, logs=np.append(0.0, logs(each))) for each in nats]
-        monkeypatch.setattr(module, "fitted_laws", lambda bench, base: (None, fits))
+        monkeypatch.setattr(module, "fitted_laws", lambda bench, base, least: (None, fits))
 
     return of
 

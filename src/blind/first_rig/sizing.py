@@ -237,10 +237,11 @@ def solve(
             high, end_is_known = amplitude, True
         if high - low <= 0.01 * high:
             break
-        amplitude = _guess(now, last, size)
+        amplitude = high  # nothing to go by where nothing can be read
+        if np.isfinite(reached):
+            amplitude, last = _guess(now, last, size), now
         if not low < amplitude < high:
             amplitude = 0.5 * (low + high) if end_is_known else high
-        last = now
     return best
 
 

@@ -20,6 +20,7 @@ from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.places.law_basis import ORDERED
 from spa_fo.gap.places.laws import fitted_laws, standing, weighed
 from spa_fo.gap.prior import log_prior
+from spa_fo.gap.search.explanations import WORTH_WEIGHING
 from spa_fo.gap.search.fitted import price
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, log_odds, tried_late
@@ -41,16 +42,18 @@ def _laws(first: Scored, examined: Examined) -> float:
     named = angle_part(first.named, drive, first.fast is not None)
     if not named:
         return -np.inf  # the pressure says it, whatever the angle may lack
-    _, fits = fitted_laws(found.bench, found.plain)
+    name = log_prior(named) + weighed(first.angle.logs - price(first.angle))
+    # A law's coefficients have what a given model tells beforehand, a set has it among its rows.
+    told = found.bench.coefficients.untempered().log_evidence(found.bench.centre)
+    least = name - log_prior(tuple(LIBRARY)[:1]) - SETTINGS.temper * (told + WORTH_WEIGHING)
+    _, fits = fitted_laws(found.bench, found.plain, least)
     # What goes with the trials' order may be their scatter: it is weighed as a trend.
     laws = [fit for fit in fits if fit.basis.place not in ORDERED]
     if not laws:
         return -np.inf
     one = log_prior(tuple(LIBRARY)[:1]) + np.log(SETTINGS.unknown / len(laws))
-    # A law's coefficients have what a given model tells beforehand, a set has it among its rows.
-    told = found.bench.coefficients.untempered().log_evidence(found.bench.centre)
     law = one + logsumexp([standing(fit.logs + told) for fit in laws])
-    return float(law - log_prior(named) - weighed(first.angle.logs - price(first.angle)))
+    return float(law - name)
 
 
 def _others_as_rare(first: Scored, examined: Examined) -> float:

@@ -59,8 +59,10 @@ def place_laws(bench: Bench, base: Fitted) -> list[LawFit]:
     return sorted(placed, key=lambda fit: -fit.probability)
 
 
-def fitted_laws(bench: Bench, base: Fitted) -> tuple[Floats, list[LawFit]]:
+def fitted_laws(bench: Bench, base: Fitted, least: float = -np.inf) -> tuple[Floats, list[LawFit]]:
     """Fit a law at every place but the drive's, the best of them to their end.
+
+    Those that a screening finds to stand below `least` are left at that.
 
     Returns
     -------
@@ -76,7 +78,8 @@ def fitted_laws(bench: Bench, base: Fitted) -> tuple[Floats, list[LawFit]]:
         with suppress(ValueError):  # too steep for any motion: there is no such law
             screened.append(fit_law(bench, start, basis, factors, rounds=1))
     screened.sort(key=lambda fit: -standing(fit.logs))
-    for k, fit in enumerate(screened[:_FITTED]):
+    worth = [fit for fit in screened[:_FITTED] if standing(fit.logs) >= least]
+    for k, fit in enumerate(worth):
         start = replace(base, changed=fit.beside.changed)
         with suppress(ValueError):  # what lies beyond the screening is too steep
             screened[k] = fit_law(bench, start, fit.basis, factors)
