@@ -15,6 +15,8 @@ from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.fit.coefficients import usual
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.law import PLACES
 from spa_fo.plant.paper import TABLE_I
 
 Ids = tuple[str, ...]
@@ -79,6 +81,18 @@ def test_what_a_law_does_far_better_is_not_known(laws: Any) -> None:
     held = against_laws(answer(("creep",)), EXAMINED)
     assert held.kind == "unknown"
     assert held.unknown > 0.99
+
+
+def test_every_effect_is_at_a_place_where_laws_are() -> None:
+    assert {effect.place for effect in LIBRARY.values()} <= {"", *PLACES}
+
+
+def test_a_law_at_the_place_of_an_effect_is_that_effect_in_another_form(laws: Any) -> None:
+    laws(NATS + 10.0 / SETTINGS.temper, place="moment")
+    verdict = answer(("stiffening",))
+    assert against_laws(verdict, EXAMINED) == verdict
+    assert against_laws(answer(("sensor_saturation",)), EXAMINED).kind == "unknown"
+    assert against_laws(answer(("stiffening", "gravity_load")), EXAMINED).kind == "unknown"
 
 
 def test_what_goes_with_the_order_of_the_trials_may_be_their_scatter(laws: Any) -> None:

@@ -47,8 +47,10 @@ def _laws(first: Scored, examined: Examined) -> float:
     told = found.bench.coefficients.untempered().log_evidence(found.bench.centre)
     least = name - log_prior(tuple(LIBRARY)[:1]) - SETTINGS.temper * (told + WORTH_WEIGHING)
     _, fits = fitted_laws(found.bench, found.plain, least)
-    # What goes with the trials' order may be their scatter: it is weighed as a trend.
-    laws = [fit for fit in fits if fit.basis.place not in ORDERED]
+    # What goes with the trials' order may be their scatter: it is weighed as a trend. At the place
+    # of a single effect a law is that effect, in another form.
+    own = LIBRARY[named[0]].place if len(named) == 1 else ""
+    laws = [fit for fit in fits if fit.basis.place not in (*ORDERED, own)]
     if not laws:
         return -np.inf
     one = log_prior(tuple(LIBRARY)[:1]) + np.log(SETTINGS.unknown / len(laws))

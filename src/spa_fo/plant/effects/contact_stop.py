@@ -8,6 +8,7 @@ from spa_fo.plant.effects.effect import Check, Effect, amplitude, shape
 EFFECT = Effect(
     id="contact_stop",
     stage="actuator",
+    place="moment",
     parameters=(
         shape(
             "angle_deg",

@@ -9,6 +9,7 @@ from spa_fo.plant.effects.shared import Floats, spectrum
 EFFECT = Effect(
     id="creep",
     stage="actuator",
+    place="relaxation",
     parameters=spectrum(),
     name="creep of the material",
     means="the angle keeps growing slowly under held load and comes back at rest",

@@ -91,6 +91,9 @@ class Effect:
         How an identification meets it: as parameters of the simulated chain, as other
         coefficients, as an error of the sensor's curve, as every trial's zero, or as a spectral
         line.
+    place : str
+        Where in the chain a free-form law would do the same (`spa_fo.plant.law.PLACES`); empty
+        where none does.
     filter : str
         Which linear filter it is, if it is one. The same filter at two places is one and the same
         to whoever sees only what goes in and what comes out.
@@ -129,6 +132,7 @@ class Effect:
     means: str = "an effect that was added to the library"
     remedy: str = "keep it in the model"
     port: Port = "chain"
+    place: str = ""
     filter: Filter = ""
     in_fixture: bool = False
     shown_in: tuple[Shown, ...] = ()

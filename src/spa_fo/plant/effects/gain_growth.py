@@ -23,6 +23,7 @@ def stretched(pressure_kpa: Floats, time_s: Floats, growth: float, exponent: flo
 EFFECT = Effect(
     id="gain_growth",
     stage="actuator",
+    place="input_map",
     parameters=(
         amplitude(
             "growth",

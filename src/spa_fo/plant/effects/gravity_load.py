@@ -10,6 +10,7 @@ from spa_fo.plant.effects.effect import Check, Effect, Parameter, amplitude
 EFFECT = Effect(
     id="gravity_load",
     stage="actuator",
+    place="moment",
     parameters=(
         amplitude(
             "along_rest",

@@ -25,6 +25,7 @@ def opened(pressure_kpa: Floats, time_s: Floats, opening_kpa: float, sharpness: 
 EFFECT = Effect(
     id="opening_fold",
     stage="actuator",
+    place="input_map",
     parameters=(
         amplitude(
             "opening_kpa",

@@ -31,6 +31,7 @@ import numpy as np
 from spa_fo.errors import BadInput
 from spa_fo.plant.effects.effect import STAGES, Check, Effect, Floats, Parameter, Stage
 from spa_fo.plant.effects.library import IDS, LIBRARY
+from spa_fo.plant.law import PLACES
 
 FOLDER = "effects"
 GROUP = "spa_fo.effects"
@@ -154,6 +155,11 @@ def checked(effect: object, source: Path | str) -> Effect:
         isinstance(effect.odds, int | float) and 0.0 < effect.odds < math.inf,
         "odds",
         f"is {effect.odds!r}; expected a positive number",
+    )
+    refuse_unless(
+        effect.place in ("", *PLACES),
+        "place",
+        f"is {effect.place!r}; expected one of {', '.join(PLACES)}",
     )
     checks = [*effect.equivalents.values(), *([effect.check] if effect.check else [])]
     refuse_unless(

@@ -47,6 +47,7 @@ def trailed(load: Floats, length_s: Floats, times_s: Floats) -> Floats:
 EFFECT = Effect(
     id="pressure_damping",
     stage="actuator",
+    place="damping",
     parameters=(
         amplitude(
             "lag_s",

@@ -66,6 +66,7 @@ def ratchet(target: Floats, length_s: Floats, building_s: float, recovery_s: flo
 EFFECT = Effect(
     id="pressure_set",
     stage="actuator",
+    place="relaxation",
     parameters=(
         amplitude(
             "set_kpa",

@@ -14,6 +14,7 @@ from spa_fo.plant.memory import LEVELS, STEPS_S
 EFFECT = Effect(
     id="sensor_creep",
     stage="sensor",
+    place="relaxation",
     parameters=spectrum(low=-0.3),
     name="creep of the sensor",
     means="the reading keeps drifting while the angle is held",

@@ -18,6 +18,7 @@ def _error_at(angle: float) -> Parameter:
 EFFECT = Effect(
     id="sensor_nonlinearity",
     stage="sensor",
+    place="reading",
     parameters=tuple(_error_at(angle) for angle in CURVE_KNOTS_DEG if angle != 0.0),
     name="wrong curve of the sensor",
     means="the flex sensor's curve is not the one that was calibrated",

@@ -11,6 +11,7 @@ from spa_fo.plant.effects.shared import Floats
 EFFECT = Effect(
     id="sensor_saturation",
     stage="sensor",
+    place="reading",
     parameters=(
         shape(
             "ceiling_deg",

@@ -10,6 +10,7 @@ from spa_fo.plant.effects.effect import Effect, amplitude, shape
 EFFECT = Effect(
     id="stiffening",
     stage="actuator",
+    place="moment",
     parameters=(
         amplitude(
             "fraction_at_60deg",

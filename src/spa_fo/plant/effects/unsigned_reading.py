@@ -20,6 +20,7 @@ def unsigned(angle_deg: Floats, time_s: Floats, share: float, across_deg: float)
 EFFECT = Effect(
     id="unsigned_reading",
     stage="sensor",
+    place="reading",
     parameters=(
         amplitude(
             "share",
