@@ -21,7 +21,7 @@ from spa_fo.gap.places.law_basis import ORDERED
 from spa_fo.gap.places.laws import fitted_laws, standing, weighed
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.explanations import WORTH_WEIGHING
-from spa_fo.gap.search.fitted import price
+from spa_fo.gap.search.fitted import HOPE, price
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, log_odds, tried_late
 
@@ -45,7 +45,7 @@ def _laws(first: Scored, examined: Examined) -> float:
     name = log_prior(named) + weighed(first.angle.logs - price(first.angle))
     # A law's coefficients have what a given model tells beforehand, a set has it among its rows.
     told = found.bench.coefficients.untempered().log_evidence(found.bench.centre)
-    least = name - log_prior(tuple(LIBRARY)[:1]) - SETTINGS.temper * (told + WORTH_WEIGHING)
+    least = name - log_prior(tuple(LIBRARY)[:1]) - SETTINGS.temper * (told + HOPE * WORTH_WEIGHING)
     _, fits = fitted_laws(found.bench, found.plain, least)
     # What goes with the trials' order may be their scatter: it is weighed as a trend. At the place
     # of a single effect a law is that effect, in another form.
