@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
-from spa_fo.gap.claim.claimed import Claim, beyond_expected, held_to
+from spa_fo.gap.claim.claimed import (
+    Claim,
+    beyond_expected,
+    held_to,
+    times_expected,
+    too_large_for_none,
+)
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 
 Ids = tuple[str, ...]
@@ -77,3 +85,34 @@ def test_what_is_hardly_larger_than_expected_has_a_name_in_part() -> None:
 def test_what_is_far_larger_than_expected_is_a_change_whatever_it_is() -> None:
     verdict = beyond_expected(answer({(): 0.9}, 0.1), 3.1)
     assert (verdict.kind, verdict.sets) == ("unknown", ())
+
+
+def test_a_gap_beyond_all_that_is_expected_is_none_of_it() -> None:
+    none = answer({(): 0.9, ("creep",): 0.05}, 0.05)
+    found = too_large_for_none(none)
+    assert (found.kind, found.none) == ("unknown", 0.0)
+    assert found.unknown == pytest.approx(0.95)
+    cause = answer({("creep",): 0.9}, 0.1)
+    assert too_large_for_none(cause) == cause
+
+
+def examined(repeats: int, response: Any = None, fixture: Any = None) -> Any:
+    """A trial that reads 10° throughout, with a noise floor of 0.3°."""
+    grid = SimpleNamespace(angle_deg=np.full(50, 10.0), counts=np.ones(50))
+    scales = np.array([0.0, 0.0, 0.0, 0.4, 0.0, 0.0])
+    noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=repeats))
+    coefficients = SimpleNamespace(response=response)
+    bench = SimpleNamespace(noise=noise, scales=scales, coefficients=coefficients)
+    everything = SimpleNamespace(grid=grid, noise_deg=0.0, fixture=fixture)
+    found = SimpleNamespace(bench=bench)
+    return SimpleNamespace(found=found, everything=everything, floor_deg=0.3)
+
+
+def test_what_is_expected_is_noise_the_fixture_s_error_and_the_model_s() -> None:
+    plain_deg = np.full(50, 9.0)
+    assert times_expected(examined(4), plain_deg) == pytest.approx(1.0 / 0.3)
+    assert times_expected(examined(4, fixture=object()), plain_deg) == pytest.approx(2.0)
+    response = SimpleNamespace(root=np.diag([0.01, 0.12]))  # of the final value: 1.2°
+    both = times_expected(examined(4, response, object()), plain_deg)
+    assert both == pytest.approx(1.0 / np.hypot(0.5, 1.2))
+    assert times_expected(examined(0), plain_deg) == 1.0

@@ -17,6 +17,7 @@ from spa_fo.gap.answer.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.answer.locate import shares
 from spa_fo.gap.claim.against_laws import against_laws
 from spa_fo.gap.claim.claimed import (
+    CLEARLY,
     Claim,
     beyond_expected,
     claim,
@@ -24,6 +25,8 @@ from spa_fo.gap.claim.claimed import (
     held_to,
     model_of,
     on_all_trials,
+    times_expected,
+    too_large_for_none,
 )
 from spa_fo.gap.data.hold_out import rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
@@ -213,6 +216,8 @@ def _answered(
     if beyond is None:
         progress("weighing laws that have no name against it")
         verdict = held_to(against_laws(verdict, examined), claimed)
+        if times_expected(examined, claimed.curves["plain"]) > CLEARLY:
+            verdict = too_large_for_none(verdict)
     else:
         verdict = beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
     if verdict.sets[:1] != examined.verdict.sets[:1]:

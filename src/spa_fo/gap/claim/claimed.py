@@ -23,7 +23,7 @@ from spa_fo.gap.decide.explanation import (
 )
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.diagnosis import LawFound, Shrink
-from spa_fo.gap.fit.bench import Bench
+from spa_fo.gap.fit.bench import DWELL, Bench
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import fit, without_others
@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
 CLEARLY = 3.0
-"""Times what a reference misses, too: something has changed."""
+"""Times what is expected, or what a reference misses, too: something is wrong, or has changed."""
 
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
@@ -191,10 +191,8 @@ def beyond_expected(verdict: Verdict, size: float) -> Verdict:
         scored = [replace(s, probability=0.0 if s.named else 1.0) for s in verdict.scored]
         scored.sort(key=lambda s: -s.probability)
         return judge(scored, 0.0, verdict.unknown_drive)
-    if verdict.kind == "no_gap" and size > CLEARLY:
-        # No noise of the reference is as large.
-        scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
-        return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+    if size > CLEARLY:
+        return too_large_for_none(verdict)
     if size < CLEARLY and not _of_drive(verdict):
         # What is hardly larger than what is missed anyway has a name only as far as it is.
         trust = (size - 1.0) / (CLEARLY - 1.0)
@@ -208,6 +206,34 @@ def beyond_expected(verdict: Verdict, size: float) -> Verdict:
         unknown = verdict.kind == "unknown" or (again.kind != "no_gap" and not sets)
         return replace(again, kind="unknown" if unknown else again.kind, sets=sets)
     return verdict
+
+
+def too_large_for_none(verdict: Verdict) -> Verdict:
+    """Take no gap for an unknown cause where a gap is larger than all that is expected."""
+    if verdict.kind != "no_gap":
+        return verdict
+    scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
+    return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+
+
+def times_expected(examined: Examined, plain_deg: Floats) -> float:
+    """Give the RMS of the whole gap over what is expected of it without any effect.
+
+    That is what repeats differ by, errors of the fixture's angles, and those of the given model;
+    1 where nothing is repeated, as then nobody knows what is expected.
+    """
+    bench, everything = examined.found.bench, examined.everything
+    if not bench.noise.spectrum.repeats:
+        return 1.0
+    parts = [examined.floor_deg]
+    if everything.fixture is not None:
+        parts.append(float(bench.scales[DWELL]))
+    response = bench.coefficients.response
+    if response is not None:
+        final = float(np.linalg.norm(response.root[-1]))
+        parts.append(final * float(np.sqrt(np.mean(everything.grid.angle_deg**2))))
+    every = np.ones(plain_deg.size, dtype=bool)
+    return rmse(everything, plain_deg, every) / float(np.linalg.norm(parts))
 
 
 def _of_drive(verdict: Verdict) -> bool:
