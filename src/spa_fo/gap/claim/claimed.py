@@ -94,12 +94,14 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
     # A model of the campaign itself has seen the held-out trials; identified again it has not.
     before = rmse(everything, refit, where) if found.bench.own else errors[()]
     closed = {named: _closed(before, errors[named], floor_deg) for named in predicted}
-    without = refit if found.bench.own else plain
-    doubt = {
-        named: doubt_of(found.bench, fitted[named], everything, where, without, curve)
-        / _gap_of(before, floor_deg)
-        for named, curve in predicted.items()
-    }
+    doubt = {}
+    if not found.bench.noise.compared:  # a change is named only where it is sure
+        without = refit if found.bench.own else plain
+        gap = _gap_of(before, floor_deg)
+        doubt = {
+            named: doubt_of(found.bench, fitted[named], everything, where, without, curve) / gap
+            for named, curve in predicted.items()
+        }
     made = None
     if first:
         left_deg = verdict.of(first).left_deg
