@@ -55,7 +55,8 @@ class AngleProblem(Explained):
         known = bench.coefficients
         if at_port("coefficients", ids) is not None:
             known = known.shifted(bench.centre)
-        known = known.untempered()
+        if not bench.noise.compared:  # what a reference's model errs by is expected beside it
+            known = known.untempered()
         scales = nuisance_scales(bench, at_port("zeros", ids) is not None)
         super().__init__(slots_of(ids), scales, known)
         # Nuisances do not hide what all trials show: repeats have said how large they are, and
