@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from spa_fo.gap.claim import against_laws as module
-from spa_fo.gap.claim.against_laws import against_laws
+from spa_fo.gap.claim.against_laws import against_laws, alone_if_rare
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.fit.bench import SHARES
@@ -106,6 +106,15 @@ def test_what_only_single_rigs_show_explains_what_is_not_known(laws: Any) -> Non
     assert against_laws(answer(("creep",)), EXAMINED).kind == "cause"
     held = against_laws(answer(("opening_fold",)), EXAMINED)
     assert (held.kind, held.sets) == ("unknown", (("opening_fold",),))
+
+
+def test_between_two_campaigns_what_is_rare_is_a_cause_by_itself() -> None:
+    alone = answer(("opening_fold",))
+    assert alone_if_rare(alone, EXAMINED) == alone
+    held = alone_if_rare(answer(("creep", "opening_fold")), EXAMINED)
+    assert (held.kind, held.sets) == ("unknown", (("creep", "opening_fold"),))
+    both = answer(("creep", "leak"))
+    assert alone_if_rare(both, EXAMINED) == both
 
 
 @pytest.mark.parametrize("kind", ["no_gap", "unknown"])

@@ -15,7 +15,7 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.answer.causes import causes_of, p_value, smallest_bic, stages, traces_of
 from spa_fo.gap.answer.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.answer.locate import shares
-from spa_fo.gap.claim.against_laws import against_laws
+from spa_fo.gap.claim.against_laws import against_laws, alone_if_rare
 from spa_fo.gap.claim.claimed import (
     CLEARLY,
     Claim,
@@ -219,6 +219,7 @@ def _answered(
         if times_expected(examined, claimed.curves["plain"]) > CLEARLY:
             verdict = too_large_for_none(verdict)
     else:
+        verdict = alone_if_rare(verdict, examined)
         verdict = beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)

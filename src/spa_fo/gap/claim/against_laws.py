@@ -35,6 +35,14 @@ def against_laws(verdict: Verdict, examined: Examined) -> Verdict:
     return _with_unknown(verdict, first, float(np.exp(min(more, 100.0))))
 
 
+def alone_if_rare(verdict: Verdict, examined: Examined) -> Verdict:
+    """Let a rare effect be a cause only by itself, as it may be of a change."""
+    if verdict.kind not in ("cause", "ambiguous") or len(verdict.sets[0]) < 2:
+        return verdict
+    first = verdict.of(verdict.sets[0])
+    return _with_unknown(verdict, first, float(np.exp(_others_as_rare(first, examined))))
+
+
 def _laws(first: Scored, examined: Examined) -> float:
     """Say how probable laws are against a set, logarithm of the ratio."""
     found = examined.found
