@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import campaigns
 from spa_fo.gap.claim import claimed
-from spa_fo.gap.claim.scatter import doubt_of, own_scatter
+from spa_fo.gap.claim.scatter import Judging
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.decide.explanation import Explanation, simulate
 from spa_fo.gap.fit.bench import Bench, bench_for
@@ -53,11 +53,11 @@ def scatter_of(
 ) -> float:
     """Let the last trial differ from its prediction by this."""
     known, curve = explained
-    curves = {"explained": curve, "plain": np.zeros_like(curve)}
     evidence: Evidence = bench.evidence
     last = evidence.grid.sample_trial == evidence.grid.sample_trial.max()
     grid = replace(evidence.grid, angle_deg=curve + np.where(last, more_deg, 0.0))
-    return own_scatter(bench, known, replace(evidence, grid=grid), last, curves, left_deg)
+    moved, none = replace(evidence, grid=grid), np.zeros_like(curve)
+    return Judging(bench, known, moved, last, none, curve).scatter(left_deg)
 
 
 def test_a_quiet_trial_has_the_noise_and_what_is_not_known_of_it(
@@ -114,9 +114,9 @@ def test_a_fast_interference_is_no_noise(
     humming = replace(bench.evidence, noise_deg=1.0)
     last = humming.grid.sample_trial == humming.grid.sample_trial.max()
     alike = replace(humming, grid=replace(humming.grid, angle_deg=curve))
-    curves = {"explained": curve, "plain": curve}
-    plain = own_scatter(bench, known, alike, last, curves, 0.0)
-    waved = own_scatter(bench, replace(known, line=(50.0, 1.4)), alike, last, curves, 0.0)
+    plain = Judging(bench, known, alike, last, curve, curve).scatter(0.0)
+    humming_too = replace(known, line=(50.0, 1.4))
+    waved = Judging(bench, humming_too, alike, last, curve, curve).scatter(0.0)
     assert plain > 1.0
     assert waved < 1.2 * NOISE_DEG
 
@@ -128,7 +128,7 @@ def test_what_an_explanation_takes_of_an_error_is_as_sure_as_trials_scatter(
     evidence, rng = bench.evidence, np.random.default_rng(1)
     last = evidence.grid.sample_trial >= evidence.grid.sample_trial.max() - 1
     without = 0.9 * curve
-    found = doubt_of(bench, known, evidence, last, without, curve)
+    found = Judging(bench, known, evidence, last, without, curve).doubt(without)
     taken = []
     for _ in range(2000):
         noise = np.zeros_like(curve)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from spa_fo.errors import BadInput
-from spa_fo.gap.claim.scatter import doubt_of, own_scatter
+from spa_fo.gap.claim.scatter import Judging
 from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
 from spa_fo.gap.data.hold_out import HeldOut, judged, rmse, shrink
 from spa_fo.gap.decide.examine import Examined
@@ -94,18 +94,17 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
     # A model of the campaign itself has seen the held-out trials; identified again it has not.
     before = rmse(everything, refit, where) if found.bench.own else errors[()]
     closed = {named: _closed(before, errors[named], floor_deg) for named in predicted}
+    judging = {
+        named: Judging(found.bench, fitted[named], everything, where, plain, curve)
+        for named, curve in predicted.items()
+    }
     doubt = {}
     if not found.bench.noise.compared:  # a change is named only where it is sure
-        without = refit if found.bench.own else plain
-        gap = _gap_of(before, floor_deg)
-        doubt = {
-            named: doubt_of(found.bench, fitted[named], everything, where, without, curve) / gap
-            for named, curve in predicted.items()
-        }
+        without, gap = refit if found.bench.own else plain, _gap_of(before, floor_deg)
+        doubt = {named: own.doubt(without) / gap for named, own in judging.items()}
     made = None
     if first:
-        left_deg = verdict.of(first).left_deg
-        scatter = own_scatter(found.bench, fitted[first], everything, where, curves, left_deg)
+        scatter = judging[first].scatter(verdict.of(first).left_deg)
         if not found.bench.noise.spectrum.repeats:
             scatter = max(scatter, floor_deg)  # nothing tells what is left from noise
         made = shrink(everything, held, curves, scatter, rng)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ _RATE_STEP = 2e-3
 class Judging:
     """Some trials, their noise, and what a trial's own gain, rest angle and time scale make of it.
 
-    `where`, (n,), tells their samples; `without` and `explained`, (n,), are predictions without an
-    explanation and of it.
+    `where`, (n,), tells their samples; `plain_deg` and `explained_deg`, (n,), are what the plain
+    model and an explanation predict.
     """
 
     def __init__(
@@ -32,15 +32,16 @@ class Judging:
         chosen: Explanation,
         everything: Evidence,
         where: NDArray[np.bool_],
-        without: Floats,
-        explained: Floats,
+        plain_deg: Floats,
+        explained_deg: Floats,
     ) -> None:
-        grid = everything.grid
+        self.bench, self.chosen, self.everything = bench, chosen, everything
+        self.explained_deg, grid = explained_deg, everything.grid
         trials = np.isin(np.arange(len(grid.trials)), grid.sample_trial[where])
-        own = bench.without(~trials).with_gap(grid.angle_deg - without, without)
+        own = bench.without(~trials).with_gap(grid.angle_deg - plain_deg, plain_deg)
         self.whitening, rows = own.whitening, own.whitening.rows
         quick = simulate(chosen, everything, given=at_rate(chosen.x, 1.0 + _RATE_STEP))
-        moved = [explained, np.ones_like(explained), (quick - explained) / _RATE_STEP]
+        moved = [explained_deg, np.ones_like(explained_deg), (quick - explained_deg) / _RATE_STEP]
         self.shapes = rows.merged(np.column_stack(moved))  # (rows, 3), of each trial's own
         slips = at_port("zeros", chosen.ids) is not None
         self.own = nuisance_scales(bench, slips)[[GAIN, REST, TIME_SCALE]]  # 1 sigma
@@ -52,62 +53,40 @@ class Judging:
         for one in np.unique(self.trial):
             yield self.trial == one
 
+    def scatter(self, left_deg: float) -> float:
+        """Estimate the RMS of noise and scatter beside the explanation, deg.
 
-def own_scatter(
-    bench: Bench,
-    chosen: Explanation,
-    everything: Evidence,
-    where: NDArray[np.bool_],
-    curves: Mapping[str, Floats],
-    left_deg: float,
-) -> float:
-    """Estimate the RMS of noise and scatter in some trials beside an explanation, deg.
+        A few trials scatter more or less than trials do on average, and what they happen to differ
+        by is neither left of the gap nor closed. Each has its gain, rest angle and time scale, of
+        which is known how much trials differ: what they are worth, given the prediction's error and
+        beside what it misses of the trials that it was fitted to, `left_deg`, RMS, is the scatter;
+        noise is what the bench has. What a slip or an interference makes of trials is no scatter.
+        """
+        bench, there, everything = self.bench, self.whitening, self.everything
+        factor = there.factor(1.0, left_deg / max(bench.gap_deg, 1e-9))
+        left = there.rows.merged(everything.grid.angle_deg - self.explained_deg)
+        white_left, squares = there.white(factor, left), np.empty(there.rows.size)
+        for here in self.trials():
+            white = there.white(factor, np.where(here[:, None], self.shapes, 0.0))
+            spread = np.linalg.inv(white.T @ white + np.diag(self.own**-2.0))
+            mean, z = spread @ (white.T @ white_left), self.shapes[here]
+            squares[here] = (z @ mean) ** 2 + np.einsum("ij,jk,ik->i", z, spread, z)
+        spectrum, noise = bench.noise.spectrum, everything.noise_deg**2
+        if self.chosen.line is not None:
+            # A fast interference is no white noise, and hardly shows in averages of many samples.
+            noise = min(noise, spectrum.white)
+        scatter = np.average(squares, weights=self.count)
+        return float(np.sqrt(scatter + noise + spectrum.coloured.sum()))
 
-    A few trials scatter more or less than trials do on average, and what they happen to differ by
-    is neither left of the gap nor closed. Each has its gain, rest angle and time scale, of which is
-    known how much trials differ: what they are worth, given the prediction's error and beside what
-    it misses, is the scatter; noise is what the bench has. What a slip or an interference makes of
-    trials is no scatter.
+    def doubt(self, without: Floats) -> float:
+        """Say how sure it is what the explanation takes of the mean squared error, 1 sigma, deg².
 
-    `where`, (n,), tells their samples, `curves` is a claim's, and by `left_deg`, RMS, the
-    explanation misses the trials that it was fitted to.
-    """
-    explained = curves["explained"]
-    judging = Judging(bench, chosen, everything, where, curves["plain"], explained)
-    there, rows = judging.whitening, judging.whitening.rows
-    factor = there.factor(1.0, left_deg / max(bench.gap_deg, 1e-9))
-    white_left = there.white(factor, rows.merged(everything.grid.angle_deg - explained))
-    squares = np.empty(rows.size)
-    for here in judging.trials():
-        white = there.white(factor, np.where(here[:, None], judging.shapes, 0.0))
-        spread = np.linalg.inv(white.T @ white + np.diag(judging.own**-2.0))
-        mean, z = spread @ (white.T @ white_left), judging.shapes[here]
-        squares[here] = (z @ mean) ** 2 + np.einsum("ij,jk,ik->i", z, spread, z)
-    spectrum, noise = bench.noise.spectrum, everything.noise_deg**2
-    if chosen.line is not None:
-        # A fast interference is no white noise, and hardly shows in averages over many samples.
-        noise = min(noise, spectrum.white)
-    scatter = np.average(squares, weights=judging.count)
-    return float(np.sqrt(scatter + noise + spectrum.coloured.sum()))
-
-
-def doubt_of(
-    bench: Bench,
-    chosen: Explanation,
-    everything: Evidence,
-    where: NDArray[np.bool_],
-    without: Floats,
-    explained: Floats,
-) -> float:
-    """Say how sure it is what an explanation takes of the mean squared error, 1 sigma, deg².
-
-    If it is right, r being noise and scatter and d what it predicts beyond the curve without it,
-    that is d² + 2 d r.
-    """
-    judging = Judging(bench, chosen, everything, where, without, explained)
-    weights = judging.count / judging.count.sum()
-    weights = 2.0 * weights * judging.whitening.rows.merged(explained - without)
-    variance = judging.whitening.variance_of(weights)
-    for here in judging.trials():
-        variance += float(np.sum((weights[here] @ judging.shapes[here] * judging.own) ** 2))
-    return float(np.sqrt(variance))
+        If it is right, r being noise and scatter and d what it predicts beyond the curve `without`
+        it, (n,), that is d² + 2 d r.
+        """
+        change = self.whitening.rows.merged(self.explained_deg - without)
+        weights = 2.0 * self.count / self.count.sum() * change
+        variance = self.whitening.variance_of(weights)
+        for here in self.trials():
+            variance += float(np.sum((weights[here] @ self.shapes[here] * self.own) ** 2))
+        return float(np.sqrt(variance))
