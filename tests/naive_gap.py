@@ -24,7 +24,7 @@ def posterior(residual, noise, columns, mean, variance):
 
 def em(normal, prior, variances, rounds):
     """Variances of the groups by EM with their prior (Laird and Ware 1982), slowly."""
-    strength = 2.0
+    strength = np.broadcast_to(prior.strength, prior.scale.shape)
     for _ in range(rounds):
         spread = np.where(prior.group < 0, prior.variance, variances[prior.group])
         covariance = np.linalg.inv(normal.matrix + np.diag(1.0 / spread))
@@ -32,8 +32,8 @@ def em(normal, prior, variances, rounds):
         second = b**2 + np.diag(covariance)
         variances = np.array(
             [
-                (second[prior.group == g].sum() + strength * prior.scale[g] ** 2)
-                / (np.count_nonzero(prior.group == g) + strength + 2.0)
+                (second[prior.group == g].sum() + strength[g] * prior.scale[g] ** 2)
+                / (np.count_nonzero(prior.group == g) + strength[g] + 2.0)
                 for g in range(prior.scale.size)
             ]
         )

@@ -46,18 +46,19 @@ def slew(signal, rise, ratio, approach):
     return np.array(out)
 
 
-def droop(signal, fraction, recovery_s, slow_share, exponent):
+def droop(signal, fraction, recovery_s, slow_share, exponent, throttled_share=0.0, slower=5.0):
     out, before, quick, slow = [], 0.0, 0.0, 0.0
     for value in signal:
         asked = 30.0 * (max(value, 0.0) / 30.0) ** exponent
         rise = max(asked - before, 0.0)
         before = asked
         quick += fraction * (1.0 - slow_share) * rise - MS * quick / recovery_s
-        slow += fraction * slow_share * rise - MS * slow / (5.0 * recovery_s)
-        if quick + slow > max(value, 0.0):
-            shrink = max(value, 0.0) / (quick + slow)
+        slow += fraction * slow_share * rise - MS * slow / (slower * recovery_s)
+        given = 1.0 - throttled_share + throttled_share * value / 30.0
+        if given * (quick + slow) > max(value, 0.0):
+            shrink = max(value, 0.0) / (given * (quick + slow))
             quick, slow = quick * shrink, slow * shrink
-        out.append(value - quick - slow)
+        out.append(value - given * (quick + slow))
     return np.array(out)
 
 

@@ -22,7 +22,14 @@ SIXTY = 55.0  # kPa: settles at 60 degrees
 SIZES: dict[str, dict[str, float]] = {
     "dead_time": {"delay_s": 0.13},
     "line_lag": {"time_constant_s": 0.3, "second_pole": 0.3},
-    "supply_droop": {"fraction": 0.12, "recovery_s": 2.0, "slow_share": 0.3, "exponent": 1.3},
+    "supply_droop": {
+        "fraction": 0.12,
+        "recovery_s": 2.0,
+        "slow_share": 0.3,
+        "exponent": 1.3,
+        "throttled_share": 0.4,
+        "slower": 6.0,
+    },
     "leak": {"rate_per_s": 0.02, "makeup_per_s": 0.05},
     "slew_limit": {"rise_kpa_s": 60.0, "fall_ratio": 0.7, "approach_s": 0.05},
     "drive_backlash": {"play_kpa": 3.0, "centre": 0.4},

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import naive_gap
-from spa_fo.gap.fit.mixed import Normal, Prior, solve
+from spa_fo.gap.fit.mixed import WEAK, Normal, Prior, solve
 
 
 def problem(seed, trials=4, rows=15):
@@ -91,12 +91,34 @@ def test_more_rounds_never_lower_the_evidence():
     assert np.all(np.diff(evidence) > -1e-6)
 
 
-def test_few_rounds_reach_what_em_creeps_towards():
+@pytest.mark.parametrize("strength", [WEAK, 30.0])
+def test_few_rounds_reach_what_em_creeps_towards(strength):
     dense, residual, noise = problem(3, trials=12)
     size = dense.shape[1]
     group = np.array([-1, -1] + [0] * (size - 2))
-    prior = Prior(np.zeros(size), np.ones(size), group, np.array([0.2]))
+    prior = Prior(np.zeros(size), np.ones(size), group, np.array([0.2]), strength=strength)
     normal = equations(dense, residual, noise)
     quick = solve(normal, prior, np.array([0.04]), rounds=12)
     slow = naive_gap.em(normal, prior, np.array([0.04]), rounds=500)
     np.testing.assert_allclose(quick.variances, slow, rtol=0.02)
+
+
+def test_a_variance_that_was_measured_gives_way_less():
+    trials = 8
+    normal = equations(
+        np.repeat(np.eye(trials), 5, axis=0), np.full(5 * trials, 2.0), np.full(5 * trials, 0.01)
+    )
+    found = {}
+    for strength in (WEAK, 50.0):
+        prior = Prior(
+            np.zeros(trials),
+            np.ones(trials),
+            np.zeros(trials, int),
+            np.array([0.5]),
+            strength=strength,
+        )
+        found[strength] = solve(normal, prior, np.array([0.25]), rounds=30)
+    # Eight values of 2 and so many of 0.5 squared: their mean, for the most probable variance.
+    known = 50.0 * 0.25 + 8 * 4.0
+    assert found[50.0].variances[0] == pytest.approx(known / (50.0 + 8 + 2.0), rel=0.01)
+    assert found[50.0].log_evidence < found[WEAK].log_evidence - 5.0

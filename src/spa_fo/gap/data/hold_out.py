@@ -129,5 +129,6 @@ def shrink(
         ceiling_rmse_deg=errors["ceiling"],
         noise_floor_deg=floor_deg,
         fraction_closed=whole,
-        ci95=(float(max(low, min(whole, -1.0))), float(high)),
+        # No more than all of it closes, give or take what is added to any interval.
+        ci95=(float(max(low, min(whole, -1.0))), float(min(high, 1.0 + _LEAST_HALF_WIDTH))),
     )

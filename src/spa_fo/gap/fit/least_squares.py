@@ -21,7 +21,7 @@ from scipy.special import erfcx, log_ndtr
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, Slot
 from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.fit.minimise import Minimum, Quadratic, free_of, minimise
-from spa_fo.gap.fit.mixed import Normal, Prior, Solution, solve
+from spa_fo.gap.fit.mixed import WEAK, Normal, Prior, Solution, solve
 from spa_fo.gap.noise.whitening import Factor, Whitening
 from spa_fo.plant.effects.library import LIBRARY, absent
 
@@ -72,6 +72,7 @@ class Explained(ABC):
         self, slots: Sequence[Slot], scales: Floats, known: Coefficients | None = None
     ) -> None:
         self.slots, self.scales, self.most = list(slots), scales, np.full(scales.size, np.inf)
+        self.strength = np.full(scales.size, WEAK)
         mean, spread, self.response = np.zeros(0), np.zeros((0, 0)), None
         if known is not None:
             mean, spread, self.response = known.mean, known.spread, known.response
@@ -221,6 +222,7 @@ class Explained(ABC):
             np.append(np.full(mean.size, -1), self.group),
             self.scales,
             self.most,
+            self.strength,
         )
 
     def misfit(self, z: Floats, factor: Factor) -> float:

@@ -2,7 +2,7 @@
 
     r = J δ + Z b + ε,   δ ~ N(δ0, Π),   b ~ N(0, diag γ),   ε ~ N(0, diag R)
 
-The variances γ have a weak prior and maximise the marginal likelihood,
+The variances γ have a prior and maximise the marginal likelihood,
 which integrates δ and b out; MacKay's fixed point (1992, doi:10.1162/neco.1992.4.3.415) reaches the
 maximum that EM (Laird and Ware 1982, doi:10.2307/2529876) creeps towards.
 """
@@ -18,7 +18,8 @@ from scipy.linalg import cho_solve, cholesky, lapack
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_PRIOR_STRENGTH = 2.0  # degrees of freedom that a variance's prior is worth
+WEAK = 2.0
+"""Degrees of freedom that a variance's prior is worth where nothing was measured of it."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,12 @@ class Prior:
     group: Integers  # (q,), which unknown variance the coefficient has, negative for none
     scale: Floats  # (g,), typical standard deviation of each group
     most: Floats | None = None  # (g,), the largest that is possible
+    strength: Floats | float = WEAK  # (g,), degrees of freedom behind each scale
 
     def of(self, some: NDArray[np.bool_]) -> Prior:
         """Return that of some columns, (q,) bool."""
         own = self.mean[some], self.variance[some], self.group[some]
-        return Prior(*own, self.scale, self.most)
+        return Prior(*own, self.scale, self.most, self.strength)
 
     def spread(self, variances: Floats) -> Floats:
         """Prior variance of each column for the groups' variances, (q,)."""
@@ -102,7 +104,7 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
     # Columns that no row has, such as those of a trial that takes no part, stay at their prior.
     seen = np.diag(normal.matrix) != 0.0  # what is no number is seen, and refused below
     matrix, vector = normal.matrix[np.ix_(seen, seen)], normal.vector[seen]
-    own, scale, strength = prior.of(seen), prior.scale, _PRIOR_STRENGTH
+    own, scale, strength = prior.of(seen), prior.scale, prior.strength
     grouped = own.group >= 0
 
     def by_group(values: Floats) -> Floats:
@@ -122,8 +124,8 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
     fit = normal.square - 2.0 * coefficients @ vector + coefficients @ matrix @ coefficients
     log_determinant = 2.0 * np.sum(np.log(np.diag(factor))) + np.sum(np.log(spread))
     against = variances / scale**2
-    log_prior = -np.sum((strength / 2.0 + 1.0) * np.log(against))
-    log_prior -= np.sum(strength / 2.0 * (1.0 / against - 1.0))
+    half = np.asarray(strength) / 2.0
+    log_prior = -np.sum((half + 1.0) * np.log(against) + half * (1.0 / against - 1.0))
     evidence = log_prior - 0.5 * (fit + away @ (away / spread) + log_determinant + normal.log_noise)
     everywhere = prior.mean.copy()
     everywhere[seen] = coefficients

@@ -17,6 +17,7 @@ from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
 from spa_fo.gap.fit.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
+from spa_fo.gap.fit.mixed import WEAK
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Mounting
 from spa_fo.plant.effects.library import LIBRARY, at_port
@@ -57,8 +58,11 @@ class AngleProblem(Explained):
             known = known.shifted(bench.centre)
         if not bench.noise.compared:  # what a reference's model errs by is expected beside it
             known = known.untempered()
-        scales = nuisance_scales(bench, at_port("zeros", ids) is not None)
-        super().__init__(slots_of(ids), scales, known)
+        slips = at_port("zeros", ids) is not None
+        super().__init__(slots_of(ids), nuisance_scales(bench, slips), known)
+        self.strength[_OF_TRIALS] += told_by_repeats(bench)
+        if slips:
+            self.strength[REST] = WEAK  # what repeats differ by at rest is the slip's
         # Nuisances do not hide what all trials show: repeats have said how large they are, and
         # so have the ways through a calibration.
         ordinary = [SETTINGS.scatter, SETTINGS.rest_scatter_deg, SETTINGS.scatter]
@@ -230,6 +234,17 @@ def most(repeats: int) -> float:
     if repeats < 1:
         return SETTINGS.most_scatter
     return min(float(np.sqrt(repeats / chi2.ppf(_SURELY, repeats))), SETTINGS.most_scatter)
+
+
+def told_by_repeats(bench: Bench) -> float:
+    """Degrees of freedom that repeats add to what trials differ by, beside tempered rows.
+
+    What an explanation misses it misses of all repeats alike: by what these differ no form is in
+    doubt. So their evidence counts whole, and what the rows hold of it is tempered.
+    """
+    if bench.noise.compared:
+        return 0.0  # a reference has said what is to be expected
+    return bench.noise.spectrum.repeats * (1.0 / SETTINGS.temper - 1.0)
 
 
 def nuisance_scales(bench: Bench, slips: bool) -> Floats:

@@ -40,6 +40,16 @@ EFFECT = Effect(
             low=0.3,
             high=4.0,
         ),
+        share("throttled_share", "part of it that is missing in proportion to the pressure"),
+        shape(
+            "slower",
+            "1",
+            "how much longer the slow part of the recovery takes",
+            centre=5.0,
+            factor=1.6,
+            low=1.5,
+            high=40.0,
+        ),
     ),
     name="droop of the supply",
     means="the supply sags at each rise and recovers while the command is held",
@@ -48,7 +58,6 @@ EFFECT = Effect(
 )
 
 REFERENCE_KPA = 30.0
-_SLOWER = 5.0  # the slow part of the recovery, against the fast one
 
 
 @njit
@@ -61,11 +70,22 @@ def demand(pressure: float, exponent: float) -> float:
 
 @njit
 def droop(
-    p: Floats, starts: Integers, fraction: float, recovery: float, slow: float, exponent: float
+    p: Floats,
+    starts: Integers,
+    fraction: float,
+    recovery: float,
+    slow: float,
+    exponent: float,
+    throttled: float,
+    slower: float,
 ) -> None:
-    """Miss `fraction` of each rise in demand, recovering by two exponentials."""
+    """Miss `fraction` of each rise in demand, recovering by two exponentials.
+
+    A supply that has sagged gives less by so much, or, behind a throttle, by its share of what is
+    drawn: then hardly anything of a small pressure is missing, and the supply goes on recovering.
+    """
     quick = math.exp(-FINEST_STEP_S / recovery)
-    lazy = math.exp(-FINEST_STEP_S / (_SLOWER * recovery))
+    lazy = math.exp(-FINEST_STEP_S / (slower * recovery))
     for trial in range(starts.size - 1):
         before = asked = fast_missing = slow_missing = 0.0
         for i in range(starts[trial], starts[trial + 1]):
@@ -76,7 +96,8 @@ def droop(
                 rise = fraction * max(asked - earlier, 0.0)
             fast_missing = quick * fast_missing + (1.0 - slow) * rise
             slow_missing = lazy * slow_missing + slow * rise
-            missing = fast_missing + slow_missing
+            given = 1.0 + throttled * (before / REFERENCE_KPA - 1.0)
+            missing = given * (fast_missing + slow_missing)
             if missing > 0.0 and missing > before:  # an empty chamber misses nothing
                 left = max(before, 0.0) / missing
                 fast_missing *= left
