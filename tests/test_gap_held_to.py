@@ -29,8 +29,8 @@ def answer(probabilities: dict[Ids, float], unknown: float) -> Verdict:
     return judge(sorted(scored, key=lambda s: -s.probability), unknown, 0.0)
 
 
-def claims(closed: dict[Ids, float], doubt: float = 0.0) -> Claim:
-    return Claim({}, {}, closed, None, dict.fromkeys(closed, doubt))
+def claims(closed: dict[Ids, float], doubt: float = 0.0, expected: float = 1.0) -> Claim:
+    return Claim({}, {}, closed, None, dict.fromkeys(closed, (expected, doubt)))
 
 
 def test_a_cause_that_closes_the_gap_stands() -> None:
@@ -48,6 +48,13 @@ def test_trials_that_scatter_by_as_much_refute_nothing() -> None:
     verdict = answer({("creep",): 0.9}, 0.1)
     assert held_to(verdict, claims({("creep",): -0.2}, 0.5)) == verdict
     assert held_to(verdict, claims({("creep",): -0.2}, 0.2)).kind == "unknown"
+
+
+def test_what_should_have_closed_far_more_is_refuted_by_what_it_does_not() -> None:
+    verdict = answer({("thermal_drift",): 0.9}, 0.1)
+    assert held_to(verdict, claims({("thermal_drift",): -69.0}, 47.0)) == verdict
+    refuted = held_to(verdict, claims({("thermal_drift",): -69.0}, 47.0, expected=80.0))
+    assert (refuted.kind, refuted.sets) == ("unknown", ())
 
 
 def test_nobody_foretells_a_slip_so_it_stands() -> None:

@@ -56,14 +56,16 @@ class Claim:
     errors: dict[Ids, float]  # RMS of the leading explanations, deg; of the plain model under ()
     closed: dict[Ids, float]  # what each leading explanation closes of the gap
     shrink: Shrink | None  # None where nothing is explained
-    doubt: dict[Ids, float] = field(default_factory=dict)  # 1 sigma of that, by noise and scatter
+    # What each would close if it were right, and 1 sigma of that, by noise and scatter.
+    expected: dict[Ids, tuple[float, float]] = field(default_factory=dict)
 
     def closes(self, named: Ids) -> bool:
         """Say whether a set may close enough, or does what nobody can foretell of a trial."""
         by_chance = any(at_port(port, named) for port in ("zeros", "line"))
         surely = float(norm.ppf(SETTINGS.covered))  # deviations: as sure as what is named
-        most = self.closed.get(named, 0.0) + surely * self.doubt.get(named, 0.0)
-        return by_chance or most >= SETTINGS.worth
+        expected, doubt = self.expected.get(named, (1.0, 0.0))
+        most = self.closed.get(named, 0.0) + surely * doubt
+        return by_chance or most >= SETTINGS.worth * max(expected, 1.0)
 
 
 def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Claim:
@@ -98,17 +100,18 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         named: Judging(found.bench, fitted[named], everything, where, plain, curve)
         for named, curve in predicted.items()
     }
-    doubt = {}
+    expected = {}
     if not found.bench.noise.compared:  # a change is named only where it is sure
         without, gap = refit if found.bench.own else plain, _gap_of(before, floor_deg)
-        doubt = {named: own.doubt(without) / gap for named, own in judging.items()}
+        taken = {named: own.takes(without) for named, own in judging.items()}
+        expected = {named: (mean / gap, sigma / gap) for named, (mean, sigma) in taken.items()}
     made = None
     if first:
         scatter = judging[first].scatter(verdict.of(first).left_deg)
         if not found.bench.noise.spectrum.repeats:
             scatter = max(scatter, floor_deg)  # nothing tells what is left from noise
         made = shrink(everything, held, curves, scatter, rng)
-    return Claim(curves, errors, closed, made, doubt)
+    return Claim(curves, errors, closed, made, expected)
 
 
 def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.fit.least_squares import Linear
+from spa_fo.gap.fit.mixed import WEAK
 from spa_fo.gap.fit.problem import AngleProblem
+from spa_fo.gap.fit.repeated import repeats_say, rest_of
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.places.law_basis import Basis
 from spa_fo.gap.search.fitted import Fitted
@@ -44,6 +46,7 @@ class LawProblem(AngleProblem):
         self.group = np.append(self.group, np.full(basis.size, self.scales.size))
         self.variance = np.append(self.variance, np.ones(basis.size))
         self.scales, self.most = np.append(self.scales, scale), np.append(self.most, np.inf)
+        self.strength = np.append(self.strength, WEAK)
 
     def tangents(self, z: Floats) -> Floats:
         """Slopes of the prediction over the law's coefficients, (all rows, m)."""
@@ -112,12 +115,13 @@ def fit_law(
         begin = scale, np.maximum(np.delete(e, worst), 0.0)
         return fit_law(bench, base, basis.without(worst), factors, rounds, begin)
     predicted, effects = problem.predict(linear.z)[0], problem.effects(z)
+    logs = np.array([problem.weigh(linear, f, variances, rounds=3)[0] for f in factors])
     return LawFit(
         basis=basis,
         e=e,
         covariance=solution.covariance()[-basis.size :, -basis.size :],
         beside=replace(base, z=z, effects=effects, predicted_deg=predicted),
-        logs=np.array([problem.weigh(linear, f, variances, rounds=3)[0] for f in factors]),
+        logs=logs + rest_of(repeats_say(problem, solution)),
     )
 
 

@@ -22,6 +22,7 @@ from spa_fo.gap.fit.bench import SHARES, Bench
 from spa_fo.gap.fit.mixed import Normal, Prior, Solution, solve
 from spa_fo.gap.fit.pressure import resolution, timing_error
 from spa_fo.gap.fit.problem import AngleProblem
+from spa_fo.gap.fit.repeated import repeats_say, rest_of
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.places.law_basis import (
     ORDERED,
@@ -137,7 +138,8 @@ def _without_law(bench: Bench, base: Fitted, factors: Sequence[Factor]) -> Float
     spread = problem.spread(base.variances)
     found = problem.search(base.z, factors[0], spread, _ENOUGH, _MOST_TRIED)
     linear = problem.linear(found.z)
-    return np.array([problem.weigh(linear, f, base.variances, rounds=3)[0] for f in factors])
+    every = [problem.weigh(linear, f, base.variances, rounds=3) for f in factors]
+    return np.array([log for log, _, _ in every]) + rest_of(repeats_say(problem, every[0][1]))
 
 
 def standing(logs: Floats) -> float:

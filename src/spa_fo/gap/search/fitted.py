@@ -13,7 +13,9 @@ from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LEVELS, LINE, SHARES, Bench, level_prior
 from spa_fo.gap.fit.minimise import Minimum
+from spa_fo.gap.fit.mixed import Solution
 from spa_fo.gap.fit.problem import AngleProblem
+from spa_fo.gap.fit.repeated import repeats_say, rest_of
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, at_port
@@ -57,8 +59,9 @@ class Fitted:
         Of `z`.
     moved_deg : dict
         RMS by which each effect moves the angle.
-    logs : dict
-        Log evidence by share that is missed, at one level of the noise.
+    logs : (shares,) array
+        Log evidence by share that is missed, at one level of the noise, before it is tempered; what
+        repeats say is in it with what tempering will take of it.
     level : float
         That level: the best for the share of largest evidence.
     quick : float
@@ -195,7 +198,7 @@ def _fitted(
         moved_deg={},
         logs=np.full(len(SHARES), -np.inf),
         level=1.0,
-        quick=quick + _moving(bench, ids),
+        quick=quick + _by_repeats(problem, solution),
         decrement=found.decrement,
         tried=found.tried,
         rejected=found.rejected,
@@ -258,7 +261,7 @@ def weighed(bench: Bench, fitted: Fitted) -> Fitted:
     nats, size = _trend(bench, fitted, factor)
     return replace(
         fitted,
-        logs=logs + _moving(bench, fitted.ids),
+        logs=logs + _by_repeats(problem, solution),
         level=LEVELS[at],
         trend_nats=nats,
         trend_deg=size,
@@ -266,14 +269,12 @@ def weighed(bench: Bench, fitted: Fitted) -> Fitted:
     )
 
 
-def _moving(bench: Bench, ids: Ids) -> float:
-    """Give the rest of what repeats say of moving zeros, nats before tempering.
-
-    They are independent of trial to trial and need no tempering, which the fit's evidence has.
-    """
-    if at_port("zeros", ids) is None:
-        return 0.0
-    return bench.noise.moving_nats * (1.0 / SETTINGS.temper - 1.0)
+def _by_repeats(problem: AngleProblem, solution: Solution) -> float:
+    """Give the rest of what repeats say, nats before tempering; the fit's evidence has a part."""
+    nats = repeats_say(problem, solution)
+    if at_port("zeros", problem.ids) is not None:
+        nats += problem.bench.noise.moving_nats
+    return rest_of(nats)
 
 
 def _trend(bench: Bench, fitted: Fitted, factor: Factor) -> tuple[float, float]:
@@ -284,7 +285,9 @@ def _trend(bench: Bench, fitted: Fitted, factor: Factor) -> tuple[float, float]:
     linear = with_it.linear(fitted.z)
     bare = replace(linear, columns=np.delete(linear.columns, with_it.trends, axis=1))
     more, solution, _ = with_it.weigh(linear, factor, fitted.variances, rounds=3)
-    less, _, _ = without.weigh(bare, factor, fitted.variances, rounds=3)
+    less, other, _ = without.weigh(bare, factor, fitted.variances, rounds=3)
+    more += _by_repeats(with_it, solution)
+    less += _by_repeats(without, other)
     b = solution.coefficients[-with_it.size :]
     moved = linear.columns[: with_it.rows.size, with_it.trends] @ b[with_it.trends]
     return more - less, float(np.sqrt(np.mean(moved**2)))
