@@ -17,7 +17,7 @@ from spa_fo.plant.effects.effect import Effect, Parameter
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.law import LAW, Law, law_of
-from spa_fo.plant.lawful import with_law
+from spa_fo.plant.lawful import TooSteep, with_law
 from spa_fo.plant.model_file import Model
 from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import Campaign, CampaignData, Trial
@@ -210,7 +210,7 @@ def _run(model: Model, trials: Sequence[Trial], memory: Memory, source: Source) 
         chain = with_law(chain, law)
     try:
         reading, after = chain.readings(x, effects)
-    except ValueError as error:  # a law with which nothing settles
+    except TooSteep as error:
         raise BadInput(source, str(error), "effects") from error
     return _Run(chain, effects, reading, after)
 

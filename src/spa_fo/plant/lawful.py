@@ -32,6 +32,13 @@ _NONE = Law("input_map", np.array([0.0, 1.0]), np.zeros(2))
 _KINDS = {"moment": MOMENT, "damping": DAMPING, "relaxation": RELAXATION}
 
 
+class TooSteep(ValueError):
+    """A law with which no motion agrees, at a place of the chain."""
+
+    def __init__(self, place: str) -> None:
+        super().__init__(f"the law at {place} is too steep: no motion agrees with it")
+
+
 @dataclass(frozen=True)
 class LawfulChain(Chain):
     """A chain with a law beside its effects.
@@ -54,7 +61,7 @@ class LawfulChain(Chain):
 
         Raises
         ------
-        ValueError
+        TooSteep
             The law is so steep that no motion agrees with it.
         """
         memory = self.memory.copy()
@@ -137,8 +144,8 @@ class LawfulChain(Chain):
         middle = (window.start + window.stop) // 2
         return [slice(middle, window.stop), slice(window.start, middle)]
 
-    def _too_steep(self) -> ValueError:
-        return ValueError(f"the law at {self.law.place} is too steep: no motion agrees with it")
+    def _too_steep(self) -> TooSteep:
+        return TooSteep(self.law.place)
 
     def logged(
         self, reading: Floats, effects: Floats, step: Integers, share: Floats, trial: Integers

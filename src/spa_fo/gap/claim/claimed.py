@@ -32,6 +32,7 @@ from spa_fo.gap.together import each
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import ending_memory
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
+from spa_fo.plant.lawful import TooSteep
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -265,7 +266,7 @@ def model_of(
     """
     if law is not None:
         beside = known or Explanation((), examined.found.plain, None, None)
-        with suppress(ValueError, BadInput):  # too steep for the steps that a prediction takes
+        with suppress(TooSteep, BadInput):  # too steep for the steps that a prediction takes
             again = law_at(_bench_of_all(examined), beside.angle, law.place)
             model = augmented_model(replace(beside, angle=again.beside), examined.everything, plain)
             model = replace(model, effects=(*model.effects, again.law.to_effect()))

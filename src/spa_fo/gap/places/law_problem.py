@@ -23,7 +23,7 @@ from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.places.law_basis import Basis
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.plant.law import Law
-from spa_fo.plant.lawful import with_law
+from spa_fo.plant.lawful import TooSteep, with_law
 
 Floats = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def fit_law(
 
     What stands beside it begins at `base`, the law at `begin`, its scale and coefficients. The
     first factor is that of the fit, the evidence is given for all. The problem is made linear
-    `rounds` times; once is a screening. `ValueError` where the law is too steep for any motion.
+    `rounds` times; once is a screening. `TooSteep` where the law is too steep for any motion.
     """
     scale, e = begin or (_scale(bench, base, basis), np.zeros(basis.size))
     z, variances = base.z, np.append(base.variances, scale**2)
@@ -137,9 +137,9 @@ def _linear(
     for share in (1.0, 0.5, 0.25, 0.0):
         e, z = (share * a + (1.0 - share) * b for a, b in zip(there, good, strict=True))
         problem = LawProblem(bench, base, basis, e, scale)
-        with suppress(ValueError):
+        with suppress(TooSteep):
             return problem, problem.linear(z)
-    raise ValueError(f"the law at {basis.place} is too steep: no motion agrees with it")
+    raise TooSteep(basis.place)
 
 
 def _scale(bench: Bench, base: Fitted, basis: Basis) -> float:

@@ -34,6 +34,7 @@ from spa_fo.gap.places.law_basis import (
 from spa_fo.gap.places.law_problem import LawFit, fit_law
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.lawful import TooSteep
 from spa_fo.plant.memory import STEPS_S
 
 Floats = NDArray[np.float64]
@@ -76,13 +77,13 @@ def fitted_laws(bench: Bench, base: Fitted, least: float = -np.inf) -> tuple[Flo
     without = _without_law(bench, base, factors)
     screened = []
     for basis, start in _candidates(bench, base):
-        with suppress(ValueError):  # too steep for any motion: there is no such law
+        with suppress(TooSteep):  # too steep for any motion: there is no such law
             screened.append(fit_law(bench, start, basis, factors, rounds=1))
     screened.sort(key=lambda fit: -standing(fit.logs))
     worth = [fit for fit in screened[:_FITTED] if standing(fit.logs) >= least]
     for k, fit in enumerate(worth):
         start = replace(base, changed=fit.beside.changed)
-        with suppress(ValueError):  # what lies beyond the screening is too steep
+        with suppress(TooSteep):  # what lies beyond the screening is too steep
             screened[k] = fit_law(bench, start, fit.basis, factors)
     # Of the variants of one place the best stands.
     screened.sort(key=lambda fit: standing(fit.logs))
@@ -90,7 +91,7 @@ def fitted_laws(bench: Bench, base: Fitted, least: float = -np.inf) -> tuple[Flo
 
 
 def law_at(bench: Bench, base: Fitted, place: str) -> LawFit:
-    """Fit the law of one place beside an explanation; `ValueError` where it is too steep."""
+    """Fit the law of one place beside an explanation; `TooSteep` where it is too steep."""
     if place == "filling":
         return drive_law(bench.evidence, base)
     factors = [bench.whitening.factor(base.level, SETTINGS.search_share)]

@@ -20,6 +20,7 @@ from spa_fo.gap.places.resemblance import likeness_words, likenesses
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.law import PLACES
+from spa_fo.plant.lawful import TooSteep
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -84,7 +85,7 @@ def find_missing(
 
     found = []
     for fit, beside in sorted(placed, key=lambda each: -each[0].probability):
-        with suppress(ValueError):  # too steep for a motion that no fitted trial shows
+        with suppress(TooSteep):  # too steep for a motion that no fitted trial shows
             curve = simulate(replace(beside, angle=fit.beside), everything, law=fit.law)
             found.append(_found(fit, beside.ids, closed(curve)))
     bare = simulate(known, everything) if known.ids else curves["refit"]
