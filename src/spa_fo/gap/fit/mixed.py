@@ -62,7 +62,6 @@ class Solution:
     coefficients: Floats  # (q,), posterior means
     factor: Floats  # Cholesky factor, lower, of the posterior's precision of `seen` columns
     seen: NDArray[np.bool_]  # (q,), which rows say anything of; the others stay at their prior
-    mean: Floats  # (q,), prior means
     spread: Floats  # (q,), prior variances
     variances: Floats  # (g,), of the groups
     log_evidence: float  # logarithm of the marginal likelihood, the variances' prior included
@@ -130,5 +129,4 @@ def solve(normal: Normal, prior: Prior, variances: Floats, rounds: int = 3) -> S
     evidence = log_prior - 0.5 * (fit + away @ (away / spread) + log_determinant + normal.log_noise)
     everywhere = prior.mean.copy()
     everywhere[seen] = coefficients
-    spread = prior.spread(variances)
-    return Solution(everywhere, factor, seen, prior.mean, spread, variances, float(evidence))
+    return Solution(everywhere, factor, seen, prior.spread(variances), variances, float(evidence))

@@ -5,9 +5,9 @@ the rows is tempered. By what repeats differ no form is in doubt: how their gain
 differ beside an explanation counts whole. What drifts or softens with the trials' order shows
 there, and nothing else does. Of their rest angles, which a slip moves, `bench_noise.jumps` says it.
 
-About an explanation at its best, contrasts c of the repeats' own nuisances have the likelihood
-N(ĉ; c, Λ⁻¹) and scatter, c ~ N(B e, γ I), by a variance that only an ordinary bench is known of; e
-are the explanation's parameters and the coefficients of a law or a trend, which are integrated out.
+With an explanation's parameters at their best, contrasts c of the repeats' own nuisances have the
+likelihood N(ĉ; c, Λ⁻¹) and scatter, c ~ N(B e, γ I), by a variance that only an ordinary bench is
+known of; e are coefficients of a law or a trend, where there is one, which are integrated out.
 """
 
 from __future__ import annotations
@@ -85,27 +85,26 @@ def _between(problem: AngleProblem) -> Floats:
 
 @dataclass(frozen=True)
 class _Own:
-    """Nuisances, all else at what is most probable beforehand."""
+    """Nuisances, an explanation's parameters at their best and its law and trend at none."""
 
     mean: Floats  # (q,)
     covariance: Floats  # (q, q)
-    others: Floats  # (q, k): by how much all else moves them, of each its prior's 1 sigma
+    others: Floats  # (q, k): by how much coefficients of law and trend, 1 sigma, move them
 
 
 def _trials_own(problem: AngleProblem, solution: Solution) -> _Own:
-    size, columns = problem.group.size, solution.seen.size
-    first = columns - size
-    precision = np.diag(1.0 / solution.spread)
-    precision[np.ix_(solution.seen, solution.seen)] = solution.factor @ solution.factor.T
-    free = first + np.setdiff1d(np.arange(problem.size), problem.trends)
-    others = np.setdiff1d(np.arange(columns), free)
-    covariance = np.zeros((columns, columns))
+    size = problem.group.size
+    seen, spread = solution.seen[-size:], solution.spread[-size:]
+    rows = solution.factor[-np.count_nonzero(seen) :]
+    precision = np.diag(1.0 / spread)
+    precision[np.ix_(seen, seen)] = rows @ rows.T
+    free = np.setdiff1d(np.arange(problem.size), problem.trends)
+    others = np.setdiff1d(np.arange(size), free)
+    covariance = np.zeros((size, size))
     covariance[np.ix_(free, free)] = np.linalg.inv(precision[np.ix_(free, free)])
+    b = solution.coefficients[-size:]
     slopes = covariance @ precision[:, others]
-    away = solution.coefficients[others] - solution.mean[others]
-    moved = slopes * np.sqrt(solution.spread[others])
-    mean = solution.coefficients + slopes @ away
-    return _Own(mean[first:], covariance[first:, first:], moved[first:])
+    return _Own(b + slopes @ b[others], covariance, slopes * np.sqrt(spread[others]))
 
 
 def _of_scatter(
