@@ -45,6 +45,12 @@ def test_the_fraction_is_that_of_the_squares_above_the_floor() -> None:
     assert (found.before_rmse_deg, found.after_rmse_deg) == (2.0, 1.0)
 
 
+def test_no_interval_goes_beyond_all_of_the_gap() -> None:
+    found = measured({"plain": missing(0.2, 3.0), "explained": missing(1.5, 0.2)}, 2)
+    assert found.ci95[0] < found.fraction_closed < found.ci95[1]
+    assert found.ci95[1] <= 1.1
+
+
 def test_errors_are_of_single_samples_their_white_noise_included() -> None:
     """An averaged sample stands for as many as were averaged, each with its own noise."""
     counts, noise = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), 0.3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +18,7 @@ from spa_fo.plant.chain import Chain, chain_for
 from spa_fo.plant.effects.library import absent
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.law import PLACES, Law, Past, relaxing
-from spa_fo.plant.lawful import with_law
+from spa_fo.plant.lawful import TooSteep, with_law
 from spa_fo.plant.memory import STEPS_S
 
 COMMANDS = (plant_cases.step_release(), plant_cases.triangle(), plant_cases.step_release(25.0))
@@ -217,3 +218,9 @@ def test_an_export_is_of_the_angle_not_of_its_reading() -> None:
     part = linear_part(plant_cases.model(law("reading").to_effect()))
     assert part.not_of_the_actuator == ("free-form law (reading)",)
     assert not part.left_out
+
+
+def test_a_law_that_is_too_steep_says_so_from_another_process_too() -> None:
+    error = TooSteep("moment")
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error) == "the law at moment is too steep: no motion agrees with it"

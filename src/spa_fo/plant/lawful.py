@@ -35,8 +35,9 @@ _KINDS = {"moment": MOMENT, "damping": DAMPING, "relaxation": RELAXATION}
 class TooSteep(ValueError):
     """A law with which no motion agrees, at a place of the chain."""
 
-    def __init__(self, place: str) -> None:
-        super().__init__(f"the law at {place} is too steep: no motion agrees with it")
+    def __str__(self) -> str:
+        """Say it, of the place that is the only argument."""
+        return f"the law at {self.args[0]} is too steep: no motion agrees with it"
 
 
 @dataclass(frozen=True)

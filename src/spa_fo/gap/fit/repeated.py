@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, helmert, solve_triangular
 from scipy.special import logsumexp
 
-from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE
+from spa_fo.gap.fit.bench import GAIN, TIME_SCALE
 from spa_fo.gap.fit.mixed import Solution
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.settings import SETTINGS
@@ -28,6 +28,7 @@ Floats = NDArray[np.float64]
 
 _SCATTERS = np.geomspace(0.1, SETTINGS.most_scatter, 12)
 """Of an ordinary bench's, alike in weight: assumed."""
+_KINDS, _COLUMNS = (GAIN, TIME_SCALE), (0, 2)  # of a trial's own gain, rest angle and time scale
 _LEAST_SAID = 1e-3  # of what was known before: less is rounding
 
 
@@ -59,8 +60,7 @@ def repeats_say(problem: AngleProblem, solution: Solution) -> float:
             float(solution.variances[kind]),
             variances,
         )
-        for kind, here in zip((GAIN, REST, TIME_SCALE), problem.own.T, strict=True)
-        if kind != REST
+        for kind, here in zip(_KINDS, problem.own[:, _COLUMNS].T, strict=True)
     )
 
 
