@@ -10,9 +10,11 @@ from collections.abc import Mapping
 from blind.second_rig.case import write_case
 from blind.second_rig.effects import LIBRARY
 from blind.second_rig.foreign import EQUIVALENTS
+from blind.second_rig.further import DRAWS
 
 NAME: str = "second_rig"
 EFFECTS: tuple[str, ...] = tuple(LIBRARY)
+FURTHER: tuple[str, ...] = tuple(DRAWS)
 FOREIGN: Mapping[str, tuple[str, ...]] = EQUIVALENTS
 
-__all__ = ["EFFECTS", "FOREIGN", "NAME", "write_case"]
+__all__ = ["EFFECTS", "FOREIGN", "FURTHER", "NAME", "write_case"]

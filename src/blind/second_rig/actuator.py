@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from blind.second_rig.bank import Bank, Core, bank
-from blind.second_rig.body import VOIGTS, BodyState, Laws, run
+from blind.second_rig.bank import Bank, Core, bank, dashpot
+from blind.second_rig.body import VOIGTS, BodyState, Laws, Pressed, run
 from blind.second_rig.effect import Effect, Scene
+from blind.second_rig.pressed import damper, damping, grown, rest_set, swung, unfolded
 
 Floats = npt.NDArray[np.float64]
 
@@ -31,6 +32,7 @@ class Specimen:
     state: BodyState = field(default_factory=BodyState)
     mode: Floats = field(default_factory=lambda: np.zeros(2))
     banks: dict[float, Bank] = field(default_factory=dict)
+    states: dict[str, Floats] = field(default_factory=dict)
 
     def bend(
         self, pressure: Floats, step_s: float, started_s: float, gain: float, rate_factor: float
@@ -56,15 +58,42 @@ class Specimen:
         felt = rate_factor * step_s
         body = self.banks.setdefault(felt, bank(self.core, felt))
         times = started_s + step_s * np.arange(pressure.size, dtype=np.float64)
-        drive = gain * self.core.b0 * _input(self.effects, pressure, times)
-        angle = run(body, self.laws, self.core.a0, drive, self.voigt, self.state, step_s)
+        moment = _input(self.effects, pressure, times, step_s, self.states)
+        drive = gain * self.core.b0 * moment
+        pressed = self._pressed(pressure, step_s, felt)
+        angle = run(body, self.laws, self.core.a0, drive, self.voigt, self.state, step_s, pressed)
         for effect in self.effects:
             if effect.id == "body_mode" and effect.amplitude != 0.0:
-                omega = 2.0 * np.pi * effect.shape["frequency_hz"]
-                size = effect.amplitude * self.core.gain
-                damping = effect.shape["damping"]
-                angle = angle + size * _ringing(pressure, step_s, omega, damping, self.mode)
+                angle = angle + self._mode(effect, pressure, angle, step_s)
         return angle
+
+    def _mode(self, effect: Effect, pressure: Floats, angle: Floats, step_s: float) -> Floats:
+        """Return the swing of a body's mode (rad)."""
+        size = effect.amplitude * self.core.gain
+        if effect.form == "linear_mode":
+            omega = 2.0 * np.pi * effect.shape["frequency_hz"]
+            return size * _ringing(pressure, step_s, omega, effect.shape["damping"], self.mode)
+        state = self.states.setdefault(effect.id, np.zeros(3))
+        if effect.form == "carried":
+            return effect.amplitude * swung(effect, pressure, angle, step_s, self.laws.top, state)
+        top = self.laws.top / self.core.gain
+        return size * swung(effect, pressure, angle, step_s, top, state)
+
+    def _pressed(self, pressure: Floats, step_s: float, felt: float) -> Pressed | None:
+        """Return the set of the rest and the damping that pressure brings, if any does."""
+        rest, times = np.zeros(pressure.size), np.zeros(pressure.size)
+        damps, found = dashpot(0.0), False
+        for effect in self.effects:
+            if effect.amplitude == 0.0:
+                continue
+            if effect.id == "pressure_set" and effect.form != "flow":
+                state = self.states.setdefault(effect.id, np.zeros(int(effect.shape["elements"])))
+                rest = self.laws.top * rest_set(effect, pressure, step_s, state)
+                found = True
+            elif effect.id == "pressure_damping":
+                times, damps = damping(effect, pressure), damper(effect, self.core, felt)
+                found = True
+        return Pressed(rest, times, damps) if found else None
 
 
 def specimen(core: Core, effects: Sequence[Effect], scene: Scene) -> Specimen:
@@ -99,7 +128,13 @@ def shifted(core: Core, effect: Effect) -> Core:
     return replace(core, **changes)
 
 
-def _input(effects: Sequence[Effect], pressure: Floats, times: Floats) -> Floats:
+def _input(
+    effects: Sequence[Effect],
+    pressure: Floats,
+    times: Floats,
+    step_s: float,
+    states: dict[str, Floats],
+) -> Floats:
     """Return what pressure bends with: gains that change, thresholds, ballooning."""
     moment = pressure
     for effect in effects:
@@ -112,6 +147,11 @@ def _input(effects: Sequence[Effect], pressure: Floats, times: Floats) -> Floats
             moment = moment * np.where(times >= shape["at_s"], 1.0 - size, 1.0)
         elif effect.id == "ballooning":
             moment = moment * (1.0 + size * (moment / shape["top"]) ** 2)
+        elif effect.id == "gain_growth":
+            moment = grown(effect, moment)
+        elif effect.id == "opening_fold" and effect.form != "hinge":
+            state = states.setdefault(effect.id, np.zeros(2))
+            moment = unfolded(effect, moment, step_s, state)
         elif effect.id == "fold_threshold":
             threshold = size * shape["top"]
             knee = shape["knee"] * threshold
@@ -192,6 +232,27 @@ def _set(e: Effect) -> Values:
     return {"plastic": e.amplitude, "yield_at": e.shape["yield_rad"]}
 
 
+def _pressure_set(e: Effect) -> Values:
+    """Let the set flow with the angle; forms that follow the pressure itself act elsewhere."""
+    if e.form != "flow":
+        return {}
+    most = e.amplitude * e.shape["top_rad"]
+    rate = most / (e.shape["top_rad"] - e.shape["yield_rad"]) / e.shape["setting_s"]
+    return {
+        "plastic": rate,
+        "yield_at": e.shape["yield_rad"],
+        "set_most": most,
+        "set_back_s": e.shape["longest_s"],
+    }
+
+
+def _fold(e: Effect) -> Values:
+    """Let a crease act as a hinge beyond an angle; folds that pressure opens act elsewhere."""
+    if e.form != "hinge":
+        return {}
+    return {"loose": e.amplitude, "loose_at": e.shape["opens_rad"]}
+
+
 _LAWS: dict[str, Callable[[Effect], Values]] = {
     "stiffening": _stiffening,
     "gravity_load": _gravity,
@@ -200,6 +261,8 @@ _LAWS: dict[str, Callable[[Effect], Values]] = {
     "hysteresis": _friction,
     "quadratic_drag": _drag,
     "shape_set": _set,
+    "pressure_set": _pressure_set,
+    "opening_fold": _fold,
 }
 
 

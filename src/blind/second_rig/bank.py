@@ -14,7 +14,7 @@ orders. What results is an ordinary mechanical body, and nonlinear moments can a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -67,6 +67,22 @@ class Bank(NamedTuple):
     step: float
 
 
+class Damper(NamedTuple):
+    """A damping that can be had in any measure beside the body's own.
+
+    Attributes
+    ----------
+    pull : ndarray, shape (k,)
+        Moment of each of the body's elements for its unit state.
+    mass, drag : float
+        Moment for unit acceleration and unit velocity.
+    """
+
+    pull: Floats
+    mass: float
+    drag: float
+
+
 def elements() -> int:
     """Count the elements of a bank."""
     return int(np.ceil(np.log(_FASTEST / _SLOWEST) / _SPACING)) + 1
@@ -101,3 +117,15 @@ def bank(core: Core, step: float) -> Bank:
         drag=float(drag + weights.sum()),
         step=step,
     )
+
+
+def fractional_damper(core: Core, step: float) -> Damper:
+    """Return the part of a body's damping that is a1 D^alpha1, to be had once more or less."""
+    without = bank(replace(core, a1=0.0), step)
+    whole = bank(core, step)
+    return Damper(whole.pull - without.pull, whole.mass - without.mass, whole.drag - without.drag)
+
+
+def dashpot(drag: float) -> Damper:
+    """Return a plain dashpot."""
+    return Damper(np.zeros(elements()), 0.0, drag)

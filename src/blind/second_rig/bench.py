@@ -207,6 +207,8 @@ def scene_of(bench: Bench, plan: Plan, top_deg: float) -> Scene:
         top_rad=float(np.deg2rad(top_deg)),
         length_s=plan.ended_s,
         trials=len(plan.trials),
+        starts_s=tuple(trial.started_s for trial in plan.trials),
+        lengths_s=tuple(trial.length_s for trial in plan.trials),
     )
 
 

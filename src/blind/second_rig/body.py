@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from blind.second_rig.bank import Bank, elements
+from blind.second_rig.bank import Bank, Damper, dashpot, elements
 
 Floats = npt.NDArray[np.float64]
 
@@ -46,6 +46,29 @@ class Laws(NamedTuple):
     swing: float = 0.0  # quadratic drag, s²
     plastic: float = 0.0  # permanent set a second for each rad beyond the yield angle
     yield_at: float = 1.0
+    set_most: float = 0.0  # set at which flow beyond the yield angle ends; 0: it never does
+    set_back_s: float = 1.0  # time in which such a set recovers
+    loose: float = 0.0  # share of the stiffness that is lost beyond an angle
+    loose_at: float = 1.0
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """What pressure does to a body beside the moment, at each step.
+
+    Attributes
+    ----------
+    rest : ndarray, shape (n,)
+        Set of the rest angle (rad).
+    damping : ndarray, shape (n,)
+        How many times the damper acts.
+    damper : Damper
+        The damping that depends on pressure.
+    """
+
+    rest: Floats
+    damping: Floats
+    damper: Damper
 
 
 @dataclass
@@ -67,6 +90,7 @@ def run(
     voigt: tuple[Floats, Floats],
     state: BodyState,
     step_s: float,
+    pressed: Pressed | None = None,
 ) -> Floats:
     """Bend a body and leave its state behind.
 
@@ -86,14 +110,19 @@ def run(
         At the start; changed.
     step_s : float
         Step on the clock; slow effects keep that time.
+    pressed : Pressed, optional
+        What depends on pressure directly.
 
     Returns
     -------
     ndarray, shape (n + 1,)
         Angle (rad) at the start and after each step.
     """
+    if pressed is None:
+        pressed = Pressed(np.zeros(drive.size), np.zeros(drive.size), dashpot(0.0))
     result: Floats = _run(
         body, laws, stiffness, drive, voigt[0], voigt[1], step_s,
+        pressed.rest, pressed.damping, pressed.damper,
         state.scalars, state.maxwell, state.creep, state.networks, state.stops,
     )  # fmt: skip
     return result
@@ -113,6 +142,8 @@ def _elastic(laws: Laws, y: float) -> float:
     if laws.contact > 0.0 and y > laws.contact_at:
         depth = (y - laws.contact_at) / laws.top
         moment += laws.contact * laws.top * depth**laws.contact_power
+    if laws.loose > 0.0 and y > laws.loose_at:
+        moment -= laws.loose * (y - laws.loose_at)
     return moment
 
 
@@ -146,30 +177,45 @@ def _soften(laws: Laws, dose: float, networks: Floats, y: float, dy: float, step
 
 
 @njit(cache=True)
+def _flow(laws: Laws, plastic: float, y: float, step_s: float) -> float:
+    """Return the set after a step: lasting, or one that saturates and recovers."""
+    beyond = max(y - laws.yield_at, 0.0)
+    if laws.set_most == 0.0:
+        return plastic + laws.plastic * beyond * step_s
+    flow = laws.plastic * beyond * (1.0 - plastic / laws.set_most)
+    return plastic + step_s * (flow - plastic / laws.set_back_s)
+
+
+@njit(cache=True)
 def _run(
     body: Bank, laws: Laws, stiffness: float, drive: Floats, compliance: Floats,
-    retardation: Floats, step_s: float, scalars: Floats, maxwell: Floats, creep: Floats,
-    networks: Floats, stops: Floats,
+    retardation: Floats, step_s: float, rest: Floats, damping: Floats, damper: Damper,
+    scalars: Floats, maxwell: Floats, creep: Floats, networks: Floats, stops: Floats,
 ) -> Floats:  # fmt: skip
     h = body.step
     angle = np.empty(drive.size + 1)
     y, v, dose, plastic, z = scalars
     angle[0] = y
     own = body.mass / h + body.drag + 0.5 * stiffness * h - np.sum(body.pull * body.from_new)
+    also = damper.mass / h + damper.drag - np.sum(damper.pull * body.from_new)
     for n in range(drive.size):
         pull = 0.0
         for k in range(maxwell.size):
             maxwell[k] = body.decay[k] * maxwell[k] + body.from_old[k] * v
             pull += body.pull[k] * maxwell[k]
         ahead = y + h * v
-        slow = plastic + creep.sum()
+        slow = plastic + creep.sum() + rest[n]
         moment = _elastic(laws, ahead) + _friction(laws, z, stops)
         if laws.virgin > 0.0:
             left = np.exp(-dose / laws.dose) if laws.dose > 0.0 else networks.mean()
             moment += laws.virgin * left * (ahead - slow)
         moment += laws.swing * v * abs(v)
         known = drive[n] - stiffness * (y + 0.5 * h * v - slow + moment)
-        faster = (known + pull + body.mass / h * v) / own
+        held, against = known + pull + body.mass / h * v, own
+        if damping[n] != 0.0:
+            held += damping[n] * (np.sum(damper.pull * maxwell) + damper.mass / h * v)
+            against += damping[n] * also
+        faster = held / against
         for k in range(maxwell.size):
             maxwell[k] += body.from_new[k] * faster
         dy = 0.5 * h * (v + faster)
@@ -181,8 +227,8 @@ def _run(
         for j in range(creep.size):
             if compliance[j] > 0.0:
                 creep[j] += step_s / retardation[j] * (compliance[j] * (y - slow) - creep[j])
-        if laws.plastic > 0.0 and y > laws.yield_at:
-            plastic += laws.plastic * (y - laws.yield_at) * step_s
+        if laws.plastic > 0.0:
+            plastic = _flow(laws, plastic, y, step_s)
         angle[n + 1] = y
     scalars[0], scalars[1], scalars[2], scalars[3], scalars[4] = y, v, dose, plastic, z
     return angle

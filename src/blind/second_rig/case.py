@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from blind.second_rig import foreign, further
 from blind.second_rig.actuator import coefficients
 from blind.second_rig.bench import (
     Bench,
@@ -21,10 +22,9 @@ from blind.second_rig.bench import (
     scattered,
     scene_of,
 )
-from blind.second_rig.effect import Effect, Scene
+from blind.second_rig.effect import Draw, Effect, Scene
 from blind.second_rig.effects import LIBRARY
 from blind.second_rig.flex import calibrate
-from blind.second_rig.foreign import DRAWS
 from blind.second_rig.protocols import earlier_experiments, experiments, later_experiments
 from blind.second_rig.record import calibration_bytes, trial_bytes, write_campaign
 from blind.second_rig.sensor import When
@@ -81,7 +81,7 @@ def write_case(document: dict[str, Any], folder: Path | str) -> dict[str, Any]:
     top_deg = float(streams.of("protocol", 2).uniform(52.0, 72.0))
     bench, plan = draw_bench(surroundings, shares, top_deg, streams.of("bench"))
     ruler = Ruler(bench, plan, scene_of(bench, plan, top_deg))
-    effects = _sized(ruler, document["effects"], document["sizes"], streams)
+    effects = _sized(ruler, document, streams)
     _record_specimen(folder, document["name"], protocol, bench, plan, effects, ruler.scene, streams)
     model_error = _record_model(folder, document, ruler, streams)
     return {
@@ -96,17 +96,22 @@ def write_case(document: dict[str, Any], folder: Path | str) -> dict[str, Any]:
     }
 
 
-def _sized(
-    ruler: Ruler, ids: Sequence[str], sizes: Sequence[float], streams: Streams
-) -> tuple[Effect, ...]:
+def _sized(ruler: Ruler, document: dict[str, Any], streams: Streams) -> tuple[Effect, ...]:
     """Draw the effects asked for, each as large alone as it is asked to be."""
     effects = []
-    for place, (name, asked) in enumerate(zip(ids, sizes, strict=True)):
-        draw = LIBRARY.get(name) or DRAWS.get(name)
+    asked_for = zip(document["effects"], document["sizes"], strict=True)
+    for place, (name, asked) in enumerate(asked_for):
+        draw = _draw(name, document["kind"])
         if draw is None:
             raise ValueError(f"effect {name!r} is not of this rig")
         effects.append(ruler.sized(draw(streams.of("effects", place), ruler.scene), float(asked)))
     return tuple(effects)
+
+
+def _draw(name: str, kind: str) -> Draw | None:
+    """Find an effect; a name that is both foreign and a library's is foreign to an alien case."""
+    known = {**foreign.DRAWS, **further.DRAWS, **LIBRARY}
+    return foreign.DRAWS.get(name, known.get(name)) if kind == "alien" else known.get(name)
 
 
 def _record_specimen(
@@ -138,9 +143,10 @@ def _record_specimen(
     if kind == "before_and_after":
         known = len(plan.trials)
         calibrations.append(_calibration(bench, effects, "again", after_s, known, streams))
-    logs = _logs(bench, plan, readings, streams, "campaign")
+    logs = _logs(bench, plan, readings, streams, "campaign", effects)
     write_campaign(folder / "campaign", name, bench, plan, logs, calibrations)
-    logs = _logs(bench, later, readings[len(plan.trials) :], streams, "later")
+    after = readings[len(plan.trials) :]
+    logs = _logs(bench, later, after, streams, "later", effects, len(plan.trials))
     write_campaign(
         folder / "later", f"{name}_later", bench, later, logs, earliest, name, len(plan.trials) + 1
     )
@@ -164,10 +170,19 @@ def _calibration(
 
 
 def _logs(
-    bench: Bench, plan: Plan, readings: Sequence[Reading], streams: Streams, purpose: str
+    bench: Bench,
+    plan: Plan,
+    readings: Sequence[Reading],
+    streams: Streams,
+    purpose: str,
+    effects: Sequence[Effect] = (),
+    before: int = 0,
 ) -> list[bytes]:
+    """Log a plan's trials; `before` is how many the specimen had before them."""
     return [
-        trial_bytes(bench, trial, reading, streams.of(purpose, 1 + place))
+        trial_bytes(
+            bench, trial, reading, streams.of(purpose, 1 + place), effects, before + 1 + place
+        )
         for place, (trial, reading) in enumerate(
             zip(plan.trials, readings[: len(plan.trials)], strict=True)
         )

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from numba import njit
 
 from blind.second_rig.effect import Effect
+from blind.second_rig.valves import hunting, kick, orifice_flow, windup
 
 Floats = npt.NDArray[np.float64]
 
@@ -213,6 +214,14 @@ def _swinging(
     return out
 
 
+def _drive_overshoot(
+    e: Effect, command: Floats, step_s: float, state: Floats, at_s: float
+) -> Floats:
+    """Overshoot as a second order, by what comes on top at first, or by an integral wound up."""
+    law: Transmit = {"second_order": _overshoot, "kick": kick, "windup": windup}[e.form]
+    return law(e, command, step_s, state, at_s)
+
+
 def _slow_vent(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
     pressure: Floats = _orifice(
         command, step_s, e.shape["fill_share"] * e.amplitude, e.amplitude, state
@@ -254,8 +263,11 @@ _TRANSMIT: dict[str, tuple[Transmit, int]] = {
     "drive_backlash": (_drive_backlash, 4),
     "slew_limit": (_slew_limit, 1),
     "regulator_overshoot": (_overshoot, 3),
+    "drive_overshoot": (_drive_overshoot, 3),
     "slow_vent": (_slow_vent, 1),
+    "orifice_flow": (orifice_flow, 1),
     "valve_limit_cycle": (_limit_cycle, 1),
+    "drive_hunting": (hunting, 4),
     "line_lag": (_line_lag, 2),
     "leak": (_leak, 2),
 }

@@ -26,6 +26,8 @@ class Scene:
         From the first trial's start to the end of the last.
     trials : int
         Their number.
+    starts_s, lengths_s : tuple of float
+        Campaign time at each trial's start, and its length.
     """
 
     top_kpa: float
@@ -33,6 +35,8 @@ class Scene:
     top_rad: float
     length_s: float
     trials: int
+    starts_s: tuple[float, ...] = ()
+    lengths_s: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,8 @@ class Effect:
         The size.
     series : ndarray
         Drawn numbers of those forms that happen at random.
+    searched : bool
+        Whether a larger amplitude need not be a larger change, so that a size must be searched for.
     """
 
     id: str
@@ -64,6 +70,7 @@ class Effect:
     shape: Mapping[str, float]
     amplitude: float = 0.0
     series: Floats = field(default_factory=lambda: np.zeros(0))
+    searched: bool = False
 
     def sized(self, amplitude: float) -> Effect:
         """Return the same effect at another amplitude."""

@@ -12,8 +12,11 @@ import numpy.typing as npt
 import yaml
 
 from blind.second_rig.bench import Bench, Plan
+from blind.second_rig.channel import end
+from blind.second_rig.effect import Effect
 from blind.second_rig.flex import CalibrationLog
 from blind.second_rig.noise import coloured, white
+from blind.second_rig.sensor import When
 from blind.second_rig.timeline import Reading, Trial
 from blind.second_rig.wire import delimited, spa_rig
 
@@ -21,7 +24,14 @@ Floats = npt.NDArray[np.float64]
 Rng = np.random.Generator
 
 
-def trial_bytes(bench: Bench, trial: Trial, reading: Reading, rng: Rng) -> bytes:
+def trial_bytes(
+    bench: Bench,
+    trial: Trial,
+    reading: Reading,
+    rng: Rng,
+    effects: Sequence[Effect] = (),
+    order: int = 1,
+) -> bytes:
     """Log one trial: noise on the angle, converters, samples lost and lines damaged.
 
     Parameters
@@ -34,10 +44,15 @@ def trial_bytes(bench: Bench, trial: Trial, reading: Reading, rng: Rng) -> bytes
         Noise-free.
     rng : Generator
         Draws what is lost.
+    effects : sequence of Effect
+        Those of the channel's end act on the noise as well.
+    order : int
+        The trial's, in the specimen's life.
     """
     noise = bench.surroundings["noise"]
     angle = reading.angle + coloured(noise, trial.times, rng)
     angle = angle + white(noise, trial.times.size, rng)
+    angle = end(effects, angle, trial.times, When(trial.started_s, order))
     pressure = bench.sensed_kpa(reading.pressure)
     kept, damaged = _losses(bench.surroundings["sampling"], trial.times.size, rng)
     measured = bool(bench.surroundings["pressure"]["measured"])

@@ -223,6 +223,16 @@ def _slip(e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, whe
     return np.asarray(y + e.amplitude * e.series[when.order], dtype=np.float64)
 
 
+def _detached(
+    e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When
+) -> Floats:
+    """Come partly off at a moment: gain is lost, the zero jumps, for good or until a trial ends."""
+    at_s = when.started_s + step_s * np.arange(y.size)
+    off = np.clip((at_s - e.shape["at_s"]) / e.shape["peel_s"], 0.0, 1.0)
+    off = e.amplitude * np.where(at_s < e.shape.get("until_s", np.inf), off, 0.0)
+    return np.asarray(y + off * (e.shape["zero_deg"] - e.shape["gain"] * y), dtype=np.float64)
+
+
 def _cross_talk(
     e: Effect, y: Floats, pressure: Floats, step_s: float, skin: Skin, when: When
 ) -> Floats:
@@ -232,6 +242,7 @@ def _cross_talk(
 
 _SEE: dict[str, See] = {
     "sensor_slip": _slip,
+    "sensor_detachment": _detached,
     "sensor_hysteresis": _hysteresis,
     "sensor_creep": _creep,
     "sensor_lag": _lag,

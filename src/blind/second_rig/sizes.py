@@ -11,13 +11,16 @@ import numpy.typing as npt
 
 from blind.second_rig.bank import Core
 from blind.second_rig.bench import Bench, Plan
+from blind.second_rig.channel import end
 from blind.second_rig.effect import Effect, Scene
+from blind.second_rig.sensor import When
 from blind.second_rig.timeline import play
 
 Floats = npt.NDArray[np.float64]
 
 _WITHIN = 0.01  # of the size asked
 _LEAST_DEG, _MOST_DEG = -18.0, 84.0  # what the bench has room for
+_SEARCHED = 40  # amplitudes among which a size is searched for
 _PROBE = 0.01  # relative change of the rate factor
 
 
@@ -73,9 +76,11 @@ class Ruler:
             Multiple of the noise floor.
         """
         low, high = 0.0, self._limit(effect)
+        if effect.searched:
+            low, high = self._crossing(effect, high, asked)
         if self.size((effect.sized(high),)) <= asked:
             return effect.sized(high)
-        amplitude, low_size = 0.1 * high, 0.0
+        amplitude, low_size = 0.5 * (low + high) if low > 0.0 else 0.1 * high, 0.0
         for turn in range(40):
             found = self.size((effect.sized(amplitude),))
             if abs(found / asked - 1.0) < _WITHIN:
@@ -89,6 +94,16 @@ class Ruler:
             amplitude = guess if inside else 0.5 * (low + high)
         return effect.sized(amplitude)
 
+    def _crossing(self, effect: Effect, limit: float, asked: float) -> tuple[float, float]:
+        """Return amplitudes between which the size first passes the one asked.
+
+        Where it never does, the higher one is that of the largest size.
+        """
+        amplitudes = np.linspace(0.0, limit, _SEARCHED + 1)
+        sizes = np.array([self.size((effect.sized(float(a)),)) for a in amplitudes])
+        found = int(np.argmax(sizes >= asked)) if sizes.max() >= asked else int(np.argmax(sizes))
+        return float(amplitudes[max(found - 1, 0)]), float(amplitudes[found])
+
     def _limit(self, effect: Effect) -> float:
         """Return the largest amplitude that keeps the angle on the bench."""
         limit = effect.limit
@@ -101,7 +116,13 @@ class Ruler:
 
 
 def _angles(core: Core, effects: Sequence[Effect], plan: Plan, scene: Scene) -> Floats:
-    return np.concatenate([reading.angle for reading in play(core, effects, plan.trials, scene)])
+    readings = play(core, effects, plan.trials, scene)
+    return np.concatenate(
+        [
+            end(effects, reading.angle, trial.times, When(trial.started_s, order))
+            for order, (trial, reading) in enumerate(zip(plan.trials, readings, strict=True), 1)
+        ]
+    )
 
 
 def rms(values: Floats) -> float:
