@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +15,6 @@ from blind.second_rig import EFFECTS, FOREIGN, NAME
 from blind.second_rig.bank import Core, bank
 from blind.second_rig.bench import draw_bench, draw_core, make_plan, off_core, scattered, scene_of
 from blind.second_rig.body import VOIGTS, BodyState, Laws, run
-from blind.second_rig.effect import Effect, Scene
 from blind.second_rig.effects import LIBRARY
 from blind.second_rig.flex import calibrate
 from blind.second_rig.foreign import DRAWS
@@ -28,6 +25,7 @@ from blind.second_rig.sizes import Ruler
 from blind.second_rig.timeline import play
 from conftest import SHARED
 from naive_second_rig import document, step_response
+from second_rig_cases import forms, ruler
 from spa_fo.plant.effects.library import IDS
 
 PAPER = {
@@ -42,23 +40,6 @@ def plain_step(core: Core, length_s: float, step_s: float = 0.002) -> np.ndarray
     drive = np.full(round(length_s / step_s), core.b0)
     body = bank(core, step_s)
     return run(body, Laws(top=1.0), core.a0, drive, NO_CREEP, BodyState(), step_s)
-
-
-@cache
-def ruler(name: str = "rich") -> Ruler:
-    asked = document()
-    surroundings = asked["surroundings"]
-    tried = experiments(name, 1, np.random.default_rng(3))
-    shares = make_plan(
-        tried, "interleaved", 0.0, surroundings["sampling"], np.random.default_rng(4)
-    )
-    bench, plan = draw_bench(surroundings, shares, 65.0, np.random.default_rng(5))
-    return Ruler(bench, plan, scene_of(bench, plan, 65.0))
-
-
-def forms(draw: Callable[[np.random.Generator, Scene], Effect]) -> list[Effect]:
-    drawn = [draw(np.random.default_rng(k), ruler().scene) for k in range(10)]
-    return list({effect.form: effect for effect in drawn}.values())
 
 
 @pytest.mark.parametrize("material", PAPER)

@@ -2,6 +2,7 @@
 
 A channel that holds its last value holds that value's noise too, and one that reads a magnitude
 folds the noise over with the angle; both come after noise has been added, before the converter.
+Neither happens in the fixture of a calibration.
 """
 
 from __future__ import annotations
@@ -31,28 +32,22 @@ def end(effects: Sequence[Effect], read: Floats, times: Floats, when: When) -> F
     when : When
         Place in the campaign.
     """
-    read = unsigned(effects, read, when)
     for effect in effects:
-        if effect.id == "sensor_freeze" and effect.amplitude != 0.0:
+        if effect.amplitude == 0.0:
+            continue
+        if effect.id == "unsigned_reading":
+            read = _unsigned(effect, read)
+        elif effect.id == "sensor_freeze":
             read = _frozen(effect, read, times, when)
     return read
 
 
-def unsigned(effects: Sequence[Effect], read: Floats, when: When) -> Floats:
-    """Return the reading of a channel that may have lost its sign; a fixture sees that as well."""
-    for effect in effects:
-        if effect.id == "unsigned_reading" and effect.amplitude != 0.0:
-            read = _unsigned(effect, read, when)
-    return read
+def _unsigned(e: Effect, read: Floats) -> Floats:
+    """Fold the reading over at an angle that it is never below; the amplitude moves that angle up.
 
-
-def _unsigned(e: Effect, read: Floats, when: When) -> Floats:
-    """Fold the reading over at an angle, less which it never is; the amplitude moves that angle up.
-
-    The first calibration still saw the sign, so the angle itself has been added again.
+    The fixture tells the sign, and a calibration keeps it: what is known of the zero has been taken
+    off again, so that the reading of what bends beyond the fold is right.
     """
-    if when.order == 0:
-        return read
     about = e.shape["lowest_deg"] + e.amplitude
     beyond = read - about
     if e.form == "norm":  # of two components, the other of which stays as it is

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from blind.second_rig.channel import unsigned
 from blind.second_rig.effect import Effect
 from blind.second_rig.noise import white
 from blind.second_rig.sensor import Skin, When, log, see
@@ -161,7 +160,7 @@ def calibrate(
     within = period * np.arange(count, dtype=np.float64)
     times = np.concatenate([begin + jittered(within, period, jitter, rng) for begin in begins])
     read = log(effects, shown, _STEP_S, times, started)
-    read = unsigned(effects, read + white(surroundings["noise"], times.size, rng), started)
+    read = read + white(surroundings["noise"], times.size, rng)
     known = np.repeat(np.array(fixture.angles), count)
     return CalibrationLog(when.started_s, times - _WAIT_S, known, curve.counts(read))
 

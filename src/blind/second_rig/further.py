@@ -158,7 +158,7 @@ def _sensor_detachment(rng: Rng, scene: Scene) -> Effect:
         shape["until_s"] = started_s + length_s + 1.0
     form = what if lasting else f"{what}_for_a_trial"
     if what == "zero":
-        shape["zero_deg"] = sign(rng)
+        shape["zero_deg"] = sign(rng, 0.7)
         return Effect("sensor_detachment", form, "jump of the zero, deg", 40.0, shape)
     if what == "gain_and_zero":
         shape["zero_deg"] = sign(rng) * rng.uniform(5.0, 30.0)
