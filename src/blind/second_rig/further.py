@@ -90,7 +90,7 @@ def _drive_hunting(rng: Rng, scene: Scene) -> Effect:
     form = pick(rng, "sine", "relay", "stick_slip")
     shape = {
         "top": scene.top_kpa,
-        "frequency_hz": log_uniform(rng, 0.15, 0.8),
+        "frequency_hz": log_uniform(rng, 0.15, 0.5),
         "lively_s": rng.uniform(0.4, 2.0),
         "still": rng.uniform(0.01, 0.03),
         "power": rng.uniform(0.3, 1.0),
