@@ -11,6 +11,7 @@ import numpy as np
 
 from blind.first_rig.doses import FORMS
 from blind.first_rig.foreign_effects import FOREIGN_EFFECTS
+from blind.first_rig.further_effects import FURTHER_FORMS
 from blind.first_rig.measured_effects import MEASURED_EFFECTS
 from spa_fo.virtual_rig.bench import Scatter
 
@@ -130,7 +131,8 @@ def read_document(document: Mapping[str, Any]) -> Asked:
     if not few <= len(asked.effects) <= many or len(asked.sizes) != len(asked.effects):
         counted = f"{few}" if few == many else f"{few} to {many}"
         raise ValueError(f"a case of kind {asked.kind} has {counted} effects, each with a size")
-    named = tuple(FOREIGN_EFFECTS) if asked.kind == "alien" else (*FORMS["a"], *MEASURED_EFFECTS)
+    own = (*FORMS["a"], *MEASURED_EFFECTS, *FURTHER_FORMS["a"])
+    named = tuple(FOREIGN_EFFECTS) if asked.kind == "alien" else own
     for effect in asked.effects:
         _known("effects", effect, named)
     return asked

@@ -166,7 +166,8 @@ class Recorder:
             trial.started_s, trial.experiment.profile, around.sampling, plan.draws(trial)
         )
         rng = self._asked.stream(f"{plan.folder}/{trial.name} noise")
-        reading = self._channel.logged(exact.volts, reading_noise(around.noise, exact.time_s, rng))
+        noise = reading_noise(around.noise, exact.time_s, rng)
+        reading = self._channel.logged(exact.volts, noise, exact.reader)
         pressure = exact.pressure_kpa if around.pressure.measured else None
         samples = Samples(trial.started_s, exact.time_s, exact.command_kpa, pressure, reading)
         return self._trials.trial(samples, self._asked.stream(f"{plan.folder}/{trial.name} wire"))

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from blind.first_rig.reading_effects import Reader
 from spa_fo.virtual_rig.arrays import Array
 from spa_fo.virtual_rig.converter import Converter
 from spa_fo.virtual_rig.flex_sensor import DividerCurve
@@ -46,9 +47,16 @@ class Channel:
         """Step of an angle that is logged directly."""
         return (_SPAN_DEG[1] - _SPAN_DEG[0]) / self.converter.maximum
 
-    def logged(self, volts: Array, noise_deg: Array) -> Array:
+    def exact(self, volts: Array, reader: Reader | None) -> Array:
+        """Voltage of what is read without noise and converter."""
+        if reader is None:
+            return volts
+        return self.curve.volts(reader(self.felt_deg(volts), np.zeros_like(volts)))
+
+    def logged(self, volts: Array, noise_deg: Array, reader: Reader | None = None) -> Array:
         """Convert, noise added to the angle felt: counts, or degrees."""
-        angle = self.felt_deg(volts) + noise_deg
+        felt = self.felt_deg(volts)
+        angle = felt + noise_deg if reader is None else reader(felt, noise_deg)
         if self.direct:
             return np.clip(np.rint(angle / self.step_deg) * self.step_deg, *_SPAN_DEG)
         counts = np.rint(self.curve.volts(angle) / self.converter.volts_per_count)

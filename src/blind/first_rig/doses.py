@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from blind.first_rig import further_effects as further
 from blind.first_rig import measured_effects as measured
 from blind.first_rig.foreign_effects import FOREIGN_EFFECTS, place
 from spa_fo.virtual_rig import actuator as act
@@ -75,6 +76,8 @@ def draw_dose(effect: str, form: str, rng: np.random.Generator, trials: int) -> 
         return Dose(*FOREIGN_EFFECTS[effect].draw(rng), place)
     if effect in measured.MEASURED_EFFECTS:  # which have one form too
         return Dose(*measured.MEASURED_EFFECTS[effect](rng), measured.place)
+    if effect in further.FURTHER_FORMS[form]:
+        return Dose(*further.FURTHER_FORMS[form][effect](rng, trials), further.place)
     draw = FORMS[form][effect]
     make, typical, largest = _single_jump(rng, trials) if draw is _single_jump else draw(rng)
     return Dose(make, typical, largest, lambda specimen, it: specimen.with_effect(effect, it))

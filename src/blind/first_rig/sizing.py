@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from blind.first_rig.campaign import Plan, run_fixture
+from blind.first_rig.campaign import Plan, PlannedTrial, run_fixture
 from blind.first_rig.channel import Channel
 from blind.first_rig.doses import Dose
 from blind.first_rig.station import Station
@@ -70,15 +70,13 @@ def exact_readings(specimen: Specimen, plan: Plan, *later: Plan) -> list[Reading
     direct = around.calibration.kind == "none"
     channel = Channel(specimen.sensor.curve, Converter(bits=around.bits), direct)
     read = _directly(channel) if direct else _calibrated(plan, station, channel)
-    return [
-        read(
-            station.run_trial(
-                trial.started_s, trial.experiment.profile, around.sampling, part.draws(trial)
-            ).volts
-        )
-        for part in (plan, *later)
-        for trial in part.schedule()
-    ]
+
+    def run(part: Plan, trial: PlannedTrial) -> Reading:
+        profile = trial.experiment.profile
+        exact = station.run_trial(trial.started_s, profile, around.sampling, part.draws(trial))
+        return read(channel.exact(exact.volts, exact.reader))
+
+    return [run(part, trial) for part in (plan, *later) for trial in part.schedule()]
 
 
 def exact_angles(specimen: Specimen, plan: Plan) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blind.first_rig.asked import Calibration, Sampling
+from blind.first_rig.reading_effects import Moments, Reader, reader_of
 from spa_fo.virtual_rig.arrays import Array
 from spa_fo.virtual_rig.bench import Bench, Specimen
 from spa_fo.virtual_rig.protocols import Profile
@@ -76,12 +77,15 @@ class Exact:
         From the trial's start.
     command_kpa, pressure_kpa, volts : ndarray (n,)
         Command, output of the pressure sensor, voltage of the flex channel.
+    reader : Reader or None
+        What the reading makes of it, where it makes anything of it.
     """
 
     time_s: Array
     command_kpa: Array
     pressure_kpa: Array
     volts: Array
+    reader: Reader | None = None
 
 
 class Station:
@@ -100,6 +104,8 @@ class Station:
     def __init__(self, specimen: Specimen, starts_s: float, pressure_lag_s: float = 0.0) -> None:
         # What the wire picks up is too fast to be interpolated: it is added at the samples.
         self._pickup = specimen.acquisition.mains_pickup
+        self._specimen = specimen
+        self._trials = 0
         bare = specimen.with_effect("mains_pickup", None)
         self._bench = Bench(bare, STEPS_PER_SECOND, starts_s, STEPS_PER_SECOND)
         self._pressure_lag = LowPass(pressure_lag_s) if pressure_lag_s > 0.0 else None
@@ -117,7 +123,10 @@ class Station:
         _, pressure, volts = self._bench.drive_exactly(fine)
         if self._pressure_lag is not None:
             pressure = self._pressure_lag.begin(1.0 / STEPS_PER_SECOND)(pressure)
-        return Exact(time, command, self._at(time, pressure), self._volts(started_s, time, volts))
+        self._trials += 1
+        reader = reader_of(self._specimen, Moments(self._trials, time, end_s))
+        at_samples = self._at(time, pressure), self._volts(started_s, time, volts)
+        return Exact(time, command, *at_samples, reader)
 
     def run_fixture(
         self, started_s: float, fixture: Fixture, sampling: Sampling, rng: np.random.Generator

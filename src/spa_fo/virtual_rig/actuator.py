@@ -187,8 +187,9 @@ class ThermalDrift:
 class SoftActuator:
     """The specimen: its core and its imperfections; None is an effect that is absent.
 
-    What no library of effects knows: `inside` changes the pressure behind the pressure sensor, and
-    `drag` (s²/rad) is a damping moment of a0 `drag` (dθ/dt)|dθ/dt|.
+    What no library of effects knows: `inside` changes the pressure behind the pressure sensor,
+    `drag` (s²/rad) is a damping moment of a0 `drag` (dθ/dt)|dθ/dt|, and each of `damping` makes of
+    the pressure the share of a1 by which the body is damped more.
     """
 
     core: FractionalCore
@@ -203,6 +204,7 @@ class SoftActuator:
     thermal_drift: ThermalDrift | Warming | None = None
     inside: tuple[Effect, ...] = ()
     drag: float = 0.0
+    damping: tuple[Effect, ...] = ()
 
     def begin(self, step_s: float, now_s: float = 0.0) -> RunningActuator:
         """Start a virgin specimen at rest at campaign time `now_s`."""
@@ -278,6 +280,7 @@ class RunningActuator:
             ]
         )
         self._inside = chain([effect.begin(step_s) for effect in actuator.inside])
+        self._damping = [effect.begin(step_s) for effect in actuator.damping]
         mullins = _first_form(actuator.mullins_softening, MullinsSoftening(0.0))
         creep = actuator.creep or Creep(0.0)
         self._thresholds = np.deg2rad(mullins.span_deg) * np.arange(12) / 12.0
@@ -300,8 +303,12 @@ class RunningActuator:
         self._now_s += self._step_s * pressure_kpa.size
         gain = self._gain * drift.gain(time)
         load = self._core.b0 * gain * self._inside(pressure_kpa) / self._actuator.reference_kpa
+        damping = np.zeros_like(load)
+        for of_pressure in self._damping:
+            damping += self._core.a1 * of_pressure(pressure_kpa)
         angle = _advance(
             load,
+            damping,
             self._step_s,
             self._branches,
             self._moment,
@@ -390,6 +397,7 @@ def _restoring(
 @njit
 def _advance(
     load: Array,
+    damping: Array,
     step: float,
     branches: _Branches,
     moment: _Moment,
@@ -425,8 +433,9 @@ def _advance(
                 more, steeper = restoring_besides(angle + moved, moved, second, second_state)
                 restoring, slope = restoring + more, slope + steeper
             drag = moment.a0 * moment.drag * abs(new_rate)
-            excess = (resistance + drag) * new_rate - pull + moment.a0 * restoring - load[i]
-            change = excess / (resistance + 2.0 * drag + moment.a0 * slope * 0.5 * step)
+            plain = resistance + damping[i]
+            excess = (plain + drag) * new_rate - pull + moment.a0 * restoring - load[i]
+            change = excess / (plain + 2.0 * drag + moment.a0 * slope * 0.5 * step)
             new_rate -= change
             if abs(change) < 1e-13:
                 break
