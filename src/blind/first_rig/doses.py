@@ -36,12 +36,15 @@ class Dose:
         An amplitude of usual size, and the largest that is still physically sensible.
     place : callable
         Gives a specimen the effect.
+    uneven : bool
+        Whether what is felt grows by leaps, so that only halving finds a size.
     """
 
     make: Callable[[float], object]
     typical: float
     largest: float
     place: Callable[[Specimen, object], Specimen]
+    uneven: bool = False
 
     def given_to(self, specimen: Specimen, amplitude: float) -> Specimen:
         """Give a specimen the effect in this size."""
@@ -77,7 +80,8 @@ def draw_dose(effect: str, form: str, rng: np.random.Generator, trials: int) -> 
     if effect in measured.MEASURED_EFFECTS:  # which have one form too
         return Dose(*measured.MEASURED_EFFECTS[effect](rng), measured.place)
     if effect in further.FURTHER_FORMS[form]:
-        return Dose(*further.FURTHER_FORMS[form][effect](rng, trials), further.place)
+        drawn = further.FURTHER_FORMS[form][effect](rng, trials)
+        return Dose(*drawn, further.place, effect in further.UNEVEN)
     draw = FORMS[form][effect]
     make, typical, largest = _single_jump(rng, trials) if draw is _single_jump else draw(rng)
     return Dose(make, typical, largest, lambda specimen, it: specimen.with_effect(effect, it))

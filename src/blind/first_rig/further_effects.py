@@ -18,6 +18,7 @@ from spa_fo.virtual_rig.bench import Specimen
 from spa_fo.virtual_rig.syringe_pump import LowPass
 
 _STILL_KPA_S = 0.5  # a command that moves less is held
+_LED_S = 0.25  # how long after its last move the regulator still follows it
 _EMPTY_KPA = 0.5  # below, the valve is shut and nothing can swing
 _FORGETS_S = 0.3  # how soon a regulator that is led forgets its swing
 
@@ -31,7 +32,7 @@ class SelfExcited:
     Parameters
     ----------
     amplitude_kpa : float
-        Of the limit cycle at high pressure; at 8 kPa it is 0.7 of that.
+        Of the limit cycle at high pressure, about; at 8 kPa it is 0.7 of that.
     frequency_hz : float
         Of the swing.
     growth : float
@@ -44,7 +45,7 @@ class SelfExcited:
 
     def begin(self, step_s: float) -> Process:
         """Start at rest."""
-        state = np.zeros(3)
+        state = np.zeros(4)
         omega = 2.0 * np.pi * self.frequency_hz
         return lambda signal: np.asarray(
             signal + _excited(signal, step_s, omega, self.growth, self.amplitude_kpa, state)
@@ -76,20 +77,23 @@ class BangBang:
 
     def begin(self, step_s: float) -> Process:
         """Start at rest, filling."""
-        state = np.array([0.0, 0.0, 1.0])
+        state = np.array([0.0, 0.0, 0.0, 1.0])
         travel = 2.0 * self.band_kpa * step_s / self.period_s
         moves = np.array([travel / self.filling, travel / (1.0 - self.filling)])
         tube = LowPass(self.tube_s).begin(step_s)
-        return lambda signal: np.asarray(
-            signal + tube(_switched(signal, step_s, moves, self.band_kpa, state))
-        )
+
+        def advance(signal: Array) -> Array:
+            swung = signal + tube(_switched(signal, step_s, moves, self.band_kpa, state))
+            return np.maximum(swung, np.minimum(signal, 0.0))  # no vacuum
+
+        return advance
 
 
 @dataclass(frozen=True)
 class SqueezedFolds:
     """Folds press on each other: damping grows (falls) as a power of the pressure.
 
-    `share` is that of a1 at 30 kPa; what falls does so no further than to 0.3 of a1.
+    `share` is that of a1 at 30 kPa; what falls does so no further than to a tenth of a1.
     """
 
     share: float
@@ -98,7 +102,7 @@ class SqueezedFolds:
     def begin(self, step_s: float) -> Process:
         """Do the same at all times."""
         return lambda signal: np.maximum(
-            self.share * (np.maximum(signal, 0.0) / 30.0) ** self.exponent, -0.7
+            self.share * (np.maximum(signal, 0.0) / 30.0) ** self.exponent, -0.9
         )
 
 
@@ -129,25 +133,32 @@ _Draw = Callable[[np.random.Generator, int], _Drawn]
 
 
 def _self_excited(rng: np.random.Generator, _: int) -> _Drawn:
-    frequency_hz, growth = rng.uniform(0.25, 0.7), rng.uniform(0.5, 1.2)
+    frequency_hz, growth = rng.uniform(0.15, 0.35), rng.uniform(0.8, 1.6)
     return lambda x: SelfExcited(x, frequency_hz, growth), 4.0, 20.0
 
 
 def _bang_bang(rng: np.random.Generator, _: int) -> _Drawn:
-    period_s, filling = rng.uniform(1.5, 4.0), rng.uniform(0.35, 0.65)
+    period_s, filling = rng.uniform(2.5, 6.0), rng.uniform(0.35, 0.65)
     return lambda x: BangBang(x, period_s, filling), 4.0, 20.0
 
 
 def _squeezed_folds(rng: np.random.Generator, _: int) -> _Drawn:
-    sign, exponent = float(rng.choice([-1.0, 1.0])), rng.uniform(0.7, 2.0)
-    return lambda x: SqueezedFolds(sign * x, exponent), 0.3, 0.6 if sign < 0 else 8.0
+    sign, exponent = _more_or_less(rng), rng.uniform(0.7, 2.0)
+    return lambda x: SqueezedFolds(sign * x, exponent), 0.3, _MOST[sign]
 
 
 def _touching_walls(rng: np.random.Generator, _: int) -> _Drawn:
-    sign = float(rng.choice([-1.0, 1.0]))
+    sign = _more_or_less(rng)
     from_kpa, width_kpa = rng.uniform(5.0, 18.0), rng.uniform(3.0, 12.0)
-    largest = 0.6 if sign < 0 else 8.0
-    return lambda x: TouchingWalls(sign * x, from_kpa, width_kpa), 0.3, largest
+    return lambda x: TouchingWalls(sign * x, from_kpa, width_kpa), 0.3, _MOST[sign]
+
+
+_MOST = {1.0: 8.0, -1.0: 0.85}  # times a1, added or taken away
+
+
+def _more_or_less(rng: np.random.Generator) -> float:
+    # Rather more: what is taken away can hardly be as large.
+    return 1.0 if rng.random() < 0.7 else -1.0
 
 
 FURTHER_FORMS: Mapping[str, Mapping[str, _Draw]] = {
@@ -161,12 +172,15 @@ FURTHER_FORMS: Mapping[str, Mapping[str, _Draw]] = {
     "b": {
         "drive_hunting": _bang_bang,
         "pressure_damping": _touching_walls,
-        "unsigned_reading": reading.draw_sideways,
+        "unsigned_reading": reading.draw_blended,
         "sensor_detachment": reading.draw_peeling,
         "sensor_freeze": reading.draw_stuck,
     },
 }
 """By form and name: draws the effect of an amplitude in a campaign of so many trials."""
+
+UNEVEN = frozenset({"unsigned_reading", "sensor_freeze"})
+"""Those whose size goes by leaps, as the body moves or stands still."""
 
 
 def place(specimen: Specimen, effect: object) -> Specimen:
@@ -187,41 +201,42 @@ def _excited(
     signal: Array, step_s: float, omega: float, growth: float, amplitude: float, state: Array
 ) -> Array:
     out = np.empty_like(signal)
-    before, swing, rate = state[0], state[1], state[2]
+    before, led, swing, rate = state[0], state[1], state[2], state[3]
     for i in range(signal.size):
         move = signal[i] - before
         before = signal[i]
-        # The swing's energy comes from the supply: the more of it the higher the pressure.
-        fed = before / (before + 8.0)
-        if abs(move) > _STILL_KPA_S * step_s:
-            swing -= 0.3 * min(max(move / amplitude, -1.0), 1.0)
-            fed = -2.0
-        elif before < _EMPTY_KPA:
-            fed = -2.0
-        pushed = growth * omega * (fed - 4.0 * swing * swing) * rate
-        rate += step_s * (pushed - omega * omega * swing)
-        swing += step_s * rate
+        led = _LED_S if abs(move) > _STILL_KPA_S * step_s else led - step_s
+        if led > 0.0 or before < _EMPTY_KPA:
+            swing -= step_s / _FORGETS_S * swing + 0.3 * min(max(move / amplitude, -1.0), 1.0)
+            swing = min(max(swing, -0.3), 0.3)
+            rate = 0.0
+        else:
+            # The swing's energy comes from the supply: the more of it the higher the pressure.
+            fed = before / (before + 8.0)
+            pushed = growth * omega * (fed - 4.0 * swing * swing) * rate
+            rate += step_s * (pushed - omega * omega * swing)
+            swing += step_s * rate
         out[i] = max(amplitude * swing, -max(before, 0.0))  # no vacuum
-    state[0], state[1], state[2] = before, swing, rate
+    state[0], state[1], state[2], state[3] = before, led, swing, rate
     return out
 
 
 @njit
 def _switched(signal: Array, step_s: float, moves: Array, band: float, state: Array) -> Array:
     out = np.empty_like(signal)
-    before, off, direction = state[0], state[1], state[2]
+    before, led, off, direction = state[0], state[1], state[2], state[3]
     for i in range(signal.size):
         move = signal[i] - before
         before = signal[i]
-        if abs(move) > _STILL_KPA_S * step_s:
-            off -= step_s / _FORGETS_S * off
+        led = _LED_S if abs(move) > _STILL_KPA_S * step_s else led - step_s
+        if move != 0.0:
             direction = np.sign(move)  # it goes on the way it came
-        elif before < _EMPTY_KPA:
+        if led > 0.0 or before < _EMPTY_KPA:
             off -= step_s / _FORGETS_S * off
         else:
             off += moves[0] if direction > 0.0 else -moves[1]
             if abs(off) >= band:
                 direction = -np.sign(off)
-        out[i] = max(off, -max(before, 0.0))  # no vacuum
-    state[0], state[1], state[2] = before, off, direction
+        out[i] = off
+    state[0], state[1], state[2], state[3] = before, led, off, direction
     return out

@@ -82,7 +82,7 @@ def reader_of(specimen: Specimen, when: Moments) -> Reader | None:
 
 def place(specimen: Specimen, effect: Any) -> Specimen:
     """Give a specimen an effect of the reading."""
-    if not isinstance(effect, Folded | Sideways | Torn | Peeling | Jammed | Stuck):
+    if not isinstance(effect, Folded | Blended | Torn | Peeling | Jammed | Stuck):
         raise TypeError(f"{type(effect).__name__} is none of these effects")
     if not isinstance(specimen, ReadSpecimen):
         parts = {part.name: getattr(specimen, part.name) for part in fields(specimen)}
@@ -95,38 +95,48 @@ def place(specimen: Specimen, effect: Any) -> Specimen:
 
 @dataclass(frozen=True)
 class Folded:
-    """A reading without a sign, of a sensor whose zero is `zero_deg` beyond the body's rest."""
+    """A reading without a sign, of a sensor whose own zero is at `zero_deg`.
+
+    Tared where the body is bent, it never goes below that: what does is mirrored.
+    """
 
     zero_deg: float
 
     def read(self, when: Moments, felt: Felt) -> Felt:
         """Fold the noise with it."""
-        folded = np.abs(felt[0] + felt[1] - self.zero_deg)
-        return folded, np.zeros_like(folded)
+        read = self.zero_deg + np.abs(felt[0] + felt[1] - self.zero_deg)
+        return read, np.zeros_like(read)
 
 
 @dataclass(frozen=True)
-class Sideways:
-    """The norm of two bends: from `zero_deg` on, and sideways, `aside` times the angle."""
+class Blended:
+    """The size of two axes by the sum of their fourth powers, on one of them `aside_deg` at rest.
+
+    It is that of the angle where this is large; tared as `Folded` is.
+    """
 
     zero_deg: float
-    aside: float
+    aside_deg: float
 
     def read(self, when: Moments, felt: Felt) -> Felt:
         """Fold the noise with it."""
-        norm = np.hypot(felt[0] + felt[1] - self.zero_deg, self.aside * felt[0])
-        return norm, np.zeros_like(norm)
+        along = felt[0] + felt[1] - self.zero_deg
+        read = self.zero_deg + np.sqrt(np.hypot(along**2, self.aside_deg**2))
+        return read, np.zeros_like(read)
+
+
+_LOWEST_DEG = -18.0  # no body swings back further, so that none would be mirrored
 
 
 def draw_folded(rng: np.random.Generator, _: int) -> _Drawn:
-    """Draw nothing."""
-    return Folded, 3.0, 25.0
+    """Draw nothing: the higher its zero the more is mirrored."""
+    return lambda x: Folded(_LOWEST_DEG + x), -_LOWEST_DEG, 34.0
 
 
-def draw_sideways(rng: np.random.Generator, _: int) -> _Drawn:
-    """Draw how far the body goes astray."""
-    aside = rng.uniform(0.08, 0.3)
-    return lambda x: Sideways(x, aside), 3.0, 25.0
+def draw_blended(rng: np.random.Generator, _: int) -> _Drawn:
+    """Draw the other axis."""
+    aside_deg = rng.uniform(1.0, 4.0)
+    return lambda x: Blended(_LOWEST_DEG + x, aside_deg), -_LOWEST_DEG, 34.0
 
 
 # --- detached -----------------------------------------------------------------------------------
@@ -194,7 +204,7 @@ def draw_torn(rng: np.random.Generator, trials: int) -> _Drawn:
     """Draw when, and how much of it is gain and how much zero."""
     gain, zero = _gain_and_zero(rng)
     trial, at = _moment(rng, trials)
-    return lambda x: Torn(x * gain, x * zero, trial, at), 4.0, 30.0
+    return lambda x: Torn(x * gain, x * zero, trial, at), 4.0, 40.0
 
 
 def draw_peeling(rng: np.random.Generator, trials: int) -> _Drawn:
@@ -202,18 +212,19 @@ def draw_peeling(rng: np.random.Generator, trials: int) -> _Drawn:
     gain, zero = _gain_and_zero(rng)
     trial, at = _moment(rng, trials)
     peels_s, slack_deg = rng.uniform(0.5, 5.0), rng.uniform(5.0, 20.0)
-    return lambda x: Peeling(x * gain, x * zero, trial, at, peels_s, slack_deg), 4.0, 30.0
+    return lambda x: Peeling(x * gain, x * zero, trial, at, peels_s, slack_deg), 4.0, 40.0
 
 
 def _gain_and_zero(rng: np.random.Generator) -> tuple[float, float]:
     """Draw the share lost and the zero's jump for each degree that is missing at 60°."""
     gain, zero = ((1.0, 0.0), (0.0, 1.0), (0.8, 0.6))[int(rng.integers(3))]
-    return gain / 60.0, zero * float(rng.choice([-1.0, 1.0]))
+    # Rather upward: nobody could read on far below the fixture's 0°.
+    return gain / 60.0, zero if rng.random() < 0.7 else 0.0 - zero
 
 
 def _moment(rng: np.random.Generator, trials: int) -> tuple[int, float]:
     """Draw a trial, early or late in a campaign but rather not at its ends, and when in it."""
-    return round(1 + (trials - 1) * rng.uniform(0.25, 0.75)), rng.uniform(0.1, 0.7)
+    return round(1 + (trials - 1) * rng.uniform(0.2, 0.65)), rng.uniform(0.1, 0.7)
 
 
 # --- frozen -------------------------------------------------------------------------------------

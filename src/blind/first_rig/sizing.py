@@ -208,35 +208,40 @@ class Scale:
                 keeps = self.weigh(dose.given_to(besides, amplitude))[1]
             return reached, keeps
 
-        return solve(weigh, size, dose.typical, dose.largest)
+        return solve(weigh, size, dose.typical, dose.largest, dose.uneven)
 
 
 def solve(
-    weigh: Callable[[float], tuple[float, bool]], size: float, start: float, largest: float
+    weigh: Callable[[float], tuple[float, bool]],
+    size: float,
+    start: float,
+    largest: float,
+    halving: bool = False,
 ) -> Sized:
     """Find where a rising function reaches `size`, by secants in logarithms within a bracket.
 
-    Amplitudes that `weigh` does not allow lie beyond the end of the bracket.
+    Amplitudes that `weigh` does not allow lie beyond the end of the bracket. By `halving` it, where
+    the slope says nothing and what is not allowed may lie anywhere.
     """
     low, high, end_is_known = 0.0, largest, False
     amplitude = min(start, largest)
     best = Sized(0.0, 0.0)
     last: Sized | None = None
-    for _ in range(14):
+    for _ in range(20 if halving else 14):
         reached, allowed = weigh(amplitude)
         now = Sized(amplitude, reached)
         if allowed and abs(reached - size) < abs(best.size - size):
             best = now
         if abs(best.size - size) <= _CLOSE_ENOUGH * size:
             break
-        if allowed and reached < size:
+        if (allowed or halving) and reached < size:
             low = amplitude
         else:
             high, end_is_known = amplitude, True
-        if high - low <= 0.01 * high:
+        if high - low <= (1e-4 if halving else 0.01) * high:
             break
         amplitude = high  # nothing to go by where nothing can be read
-        if np.isfinite(reached):
+        if np.isfinite(reached) and not halving:
             amplitude, last = _guess(now, last, size), now
         if not low < amplitude < high:
             amplitude = 0.5 * (low + high) if end_is_known else high
