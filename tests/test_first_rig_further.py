@@ -60,7 +60,9 @@ def test_sizes_are_as_ordered_or_told_to_be_less(effect, form):
     assert again == (pytest.approx(reached), True)
 
 
-@pytest.mark.parametrize(("effect", "form"), zip(FURTHER_FORMS["a"], "ababa", strict=True), ids=str)
+@pytest.mark.parametrize(
+    ("effect", "form"), list(zip(FURTHER_FORMS["a"], "ababa", strict=True)), ids=str
+)
 def test_same_document_same_bytes(effect, form, tmp_path):
     asked = document(
         effect, seed=SEEDS[form], protocol={"name": "single"}, sampling={"rate_hz": 10.0}
