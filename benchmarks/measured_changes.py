@@ -164,15 +164,21 @@ PAIRS = (
 
 def compared(pair: Pair, data: Path, work: Path) -> Comparison:
     """Lay both logs out, and compare them."""
+    before, after = laid_out(pair, data, work)
+    if pair.before[0].columns.angle is None:
+        return Comparison.of_pressure(before, after)
+    return Campaign.load(after).compare(before)
+
+
+def laid_out(pair: Pair, data: Path, work: Path) -> tuple[Path, Path]:
+    """Write both logs as campaigns, `before` and `after`."""
     folders = []
     for role, (series, number) in (("before", pair.before), ("after", pair.after)):
         repeats = repeats_of(series, data)
         repeat = repeats[number] if len(repeats) > 1 else half(repeats[0], series, number, pair)
         folders.append(lay_out(series, repeat, role, work / pair.name))
     before, after = folders
-    if pair.before[0].columns.angle is None:
-        return Comparison.of_pressure(before, after)
-    return Campaign.load(after).compare(before)
+    return before, after
 
 
 def half(repeat: Repeat, series: Series, number: int, pair: Pair) -> Repeat:

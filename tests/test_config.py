@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 import yaml
 
-from spa_fo.config import match_materials, read_config
+from spa_fo.config import check_compared, has_angle, match_materials, read_config
 from spa_fo.errors import BadInput
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -110,3 +110,31 @@ def test_a_pattern_without_a_campaign_is_one_clear_line(raw: Path) -> None:
     assert str(error.value) == (
         f"config.yaml: materials.sutdy_*: matches no campaign's folder in {raw}"
     )
+
+
+def test_a_campaign_without_an_angle_has_a_reference_or_is_one() -> None:
+    folders = {name: Path("raw") / name for name in ("may", "june")}
+    check_compared({"may": {}, "june": {"reference": "may", "campaign": "june"}}, folders, "c.yaml")
+    with pytest.raises(BadInput) as error:
+        check_compared({"may": {}, "june": {}}, folders, "config.yaml")
+    assert str(error.value) == (
+        "config.yaml: materials.may.reference: is missing; raw/may/campaign.yaml names no column "
+        "'angle' or 'flex_adc', so it can only be compared; expected another entry, an earlier "
+        "campaign of the actuator"
+    )
+
+
+def test_what_a_campaign_without_an_angle_cannot_use_is_refused() -> None:
+    materials = {"may": {}, "june": {"reference": "may", "paper": "design_1"}}
+    with pytest.raises(BadInput) as error:
+        check_compared(materials, {"june": Path("raw/june")}, "config.yaml")
+    assert str(error.value) == (
+        "config.yaml: materials.june.paper: belongs to a campaign with an angle; "
+        "raw/june/campaign.yaml names none"
+    )
+
+
+def test_a_description_that_cannot_be_used_is_left_to_the_first_step(raw: Path) -> None:
+    assert has_angle(raw / "other")
+    assert has_angle(raw / "nowhere")
+    assert has_angle(ROOT / "raw" / "fx_pro")

@@ -13,6 +13,7 @@ from spa_fo.errors import BadInput
 from spa_fo.validation import load_yaml, suggestion, validate
 
 _PATTERN = re.compile(r"[*?[]")
+_WITHOUT_ANGLE = {"campaign", "reference"}  # keys that mean something then
 
 
 def read_config(
@@ -100,6 +101,64 @@ def _check_references(materials: Mapping[str, Mapping[str, Any]], source: Path |
                 source,
                 f"is '{reference}'{suggestion(reference, others)}",
                 f"materials.{name}.reference",
+            )
+
+
+def has_angle(folder: Path | str) -> bool:
+    """Say whether the logs of a campaign hold an angle, by its campaign.yaml alone.
+
+    Parameters
+    ----------
+    folder : Path or str
+        The campaign's.
+
+    Returns
+    -------
+    bool
+        True where the description cannot be used: the step that needs it says what is wrong.
+    """
+    # Every job reads the configuration, and few ask this.
+    from spa_fo.rig import read_description
+
+    try:
+        return read_description(folder, angle=False).has_angle
+    except BadInput:
+        return True
+
+
+def check_compared(
+    materials: Mapping[str, Mapping[str, Any]], folders: Mapping[str, Path], source: Path | str
+) -> None:
+    """Refuse a campaign without an angle that is not compared: nothing else can be done with it.
+
+    Parameters
+    ----------
+    materials : Mapping
+        Entries of the configuration by plain name.
+    folders : Mapping
+        The campaign's folder of each material whose logs hold no angle.
+    source : Path or str
+        The configuration's file, for the message.
+
+    Raises
+    ------
+    BadInput
+        Such a material neither names a reference nor is one, or has a key of the identification.
+    """
+    references = {entry.get("reference") for entry in materials.values()}
+    for name, folder in folders.items():
+        if "reference" not in materials[name] and name not in references:
+            raise BadInput(
+                source,
+                f"is missing; {folder}/campaign.yaml names no column 'angle' or 'flex_adc', so it "
+                "can only be compared; expected another entry, an earlier campaign of the actuator",
+                f"materials.{name}.reference",
+            )
+        for key in sorted(materials[name].keys() - _WITHOUT_ANGLE):
+            raise BadInput(
+                source,
+                f"belongs to a campaign with an angle; {folder}/campaign.yaml names none",
+                f"materials.{name}.{key}",
             )
 
 

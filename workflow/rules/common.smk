@@ -1,9 +1,10 @@
 import re
 import shutil
+from functools import cache
 from pathlib import Path
 
 from spa_fo.atomic import TEMPORARY
-from spa_fo.config import match_materials, read_config
+from spa_fo.config import check_compared, has_angle, match_materials, read_config
 from spa_fo.edge import bad_input_exits
 from spa_fo.sources import code_hash
 from spa_fo.validation import load_yaml
@@ -53,6 +54,37 @@ def campaign_of(material):
     return RAW / CONFIG["materials"][material].get("campaign", material)
 
 
+@cache
+def bends(material):
+    """Whether the material's logs hold an angle; where they do not, it is only compared."""
+    return has_angle(campaign_of(material))
+
+
+def identified():
+    """The materials that are parsed to angles, identified and diagnosed."""
+    return [material for material in MATERIALS if bends(material)]
+
+
+def compared(material):
+    """What the material and its reference are compared by."""
+    both = bends(material) and bends(REFERENCES[material])
+    return "angle" if both else "pressure"
+
+
+# Once a run: with hundreds of campaigns it takes seconds, and every job reads this file.
+if workflow.is_main_process:
+    with bad_input_exits():
+        check_compared(
+            CONFIG["materials"],
+            {
+                material: campaign_of(material)
+                for material in MATERIALS
+                if not bends(material)
+            },
+            "config.yaml",
+        )
+
+
 def raw_files(wildcards):
     """Every file of the material's campaign, so that an edit of any of them is seen."""
     return raw_files_of(wildcards.material)
@@ -69,6 +101,13 @@ def description(wildcards):
     return [path] if path.is_file() else []
 
 
+def model_of_reference(wildcards):
+    """What the reference is compared through; pressures need no model."""
+    if compared(wildcards.material) == "pressure":
+        return []
+    return RESULTS / REFERENCES[wildcards.material] / "model.json"
+
+
 def code(name):
     """What a script depends on in the package: an edit of the package runs its rule again."""
     return code_hash(SCRIPTS / name)
@@ -82,8 +121,10 @@ def growing(amount):
     return lambda wildcards, attempt: amount * attempt
 
 
-def of_each_material(name):
-    return expand(RESULTS / "{material}" / name, material=MATERIALS)
+def of_each_identified(name):
+    return lambda wildcards: expand(
+        RESULTS / "{material}" / name, material=identified()
+    )
 
 
 def of_each_batch(path):

@@ -32,7 +32,7 @@ rule compare:
     input:
         raw_files=raw_files,
         reference_files=lambda wildcards: raw_files_of(REFERENCES[wildcards.material]),
-        model=lambda wildcards: RESULTS / REFERENCES[wildcards.material] / "model.json",
+        model=model_of_reference,
     output:
         shown(
             directory(RESULTS / "{material}" / "changed"),
@@ -51,6 +51,7 @@ rule compare:
     params:
         campaign=lambda wildcards: campaign_of(wildcards.material),
         reference=lambda wildcards: campaign_of(REFERENCES[wildcards.material]),
+        compared=lambda wildcards: compared(wildcards.material),
         seed=CONFIG["seed"],
         code=code("compare.py"),
     script:

@@ -34,14 +34,14 @@ rule figures:
 rule publish:
     """The tables (csv, tex, md), the audit of the paper, the summary; the report's pages and texts."""
     input:
-        parse_reports=of_each_material("parse_report.md"),
-        fits=of_each_material("fit.json"),
-        reports=of_each_material("fit_report.txt"),
-        comparisons=of_each_material("comparison.json"),
-        ablations=of_each_material("ablation.csv"),
-        ablation_verdicts=of_each_material("ablation.json"),
-        figures=of_each_material("figures"),
-        diagnoses=of_each_material("diagnosis"),
+        parse_reports=of_each_identified("parse_report.md"),
+        fits=of_each_identified("fit.json"),
+        reports=of_each_identified("fit_report.txt"),
+        comparisons=of_each_identified("comparison.json"),
+        ablations=of_each_identified("ablation.csv"),
+        ablation_verdicts=of_each_identified("ablation.json"),
+        figures=of_each_identified("figures"),
+        diagnoses=of_each_identified("diagnosis"),
         changes=expand(RESULTS / "{material}" / "changed", material=REFERENCES),
     output:
         summary=RESULTS / "summary.md",
@@ -58,8 +58,9 @@ rule publish:
         mem_mb=growing(1000),
         runtime=growing(15),
     params:
-        campaigns=[campaign_of(material) for material in MATERIALS],
+        campaigns={material: campaign_of(material) for material in MATERIALS},
         materials=CONFIG["materials"],
+        identified=lambda wildcards: identified(),
         changed=list(REFERENCES),
         code=code("publish.py"),
     script:

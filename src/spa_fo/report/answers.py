@@ -12,12 +12,17 @@ from spa_fo.plant import paper
 from spa_fo.report.audit import FAILS, HOLDS, AuditLine
 from spa_fo.report.headline import headline
 from spa_fo.report.pages import ALL
-from spa_fo.report.published import PublishedMaterial, joint_provenance
+from spa_fo.report.published import (
+    MeasuredMaterial,
+    PublishedMaterial,
+    identified,
+    joint_provenance,
+)
 from spa_fo.report.study import openings_html
 from spa_fo.report.summary import audit_lines
 
 
-def answers(materials: Sequence[PublishedMaterial]) -> dict[str, list[str]]:
+def answers(materials: Sequence[MeasuredMaterial]) -> dict[str, list[str]]:
     """Answer the report's questions.
 
     Parameters
@@ -30,11 +35,12 @@ def answers(materials: Sequence[PublishedMaterial]) -> dict[str, list[str]]:
     dict of str to list of str
         Sentences by question: ``measured``, ``fit``, ``paper``, ``gap`` and ``changed``.
     """
+    found = identified(materials)
     return {
         "measured": [_of(material, _measured(material)) for material in materials],
-        "fit": [_of(material, _fit(material)) for material in materials],
-        "paper": list(_paper(audit_lines(materials))),
-        "gap": [_of(material, " ".join(headline(material.diagnosis))) for material in materials],
+        "fit": [_of(material, _fit(material)) for material in found],
+        "paper": list(_paper(audit_lines(found))),
+        "gap": [_of(material, " ".join(headline(material.diagnosis))) for material in found],
         "changed": [
             _of(material, " ".join(material.changed["answer"]))
             for material in materials
@@ -43,7 +49,7 @@ def answers(materials: Sequence[PublishedMaterial]) -> dict[str, list[str]]:
     }
 
 
-def write_texts(materials: Sequence[PublishedMaterial], folder: Path) -> None:
+def write_texts(materials: Sequence[MeasuredMaterial], folder: Path) -> None:
     """Write what the report's captions and front page include, as HTML.
 
     ``openings.html`` is what it begins with, ``answers_<question>.html`` a list of `answers`;
@@ -63,11 +69,11 @@ def write_texts(materials: Sequence[PublishedMaterial], folder: Path) -> None:
         write_text(folder / f"{name}.html", f"<p><em>{html.escape(line)}</em></p>\n")
 
 
-def _of(material: PublishedMaterial, sentence: str) -> str:
+def _of(material: MeasuredMaterial, sentence: str) -> str:
     return f"{material.label}: {sentence}"
 
 
-def _measured(material: PublishedMaterial) -> str:
+def _measured(material: MeasuredMaterial) -> str:
     campaign = material.campaign
     experiments = ", ".join(
         f"{experiment.name} ({len(experiment.trials)})" for experiment in campaign.experiments

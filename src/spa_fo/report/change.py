@@ -201,8 +201,13 @@ def _common(comparison: Comparison) -> str:
 
 
 def _figure(comparison: Comparison, name: str) -> list[str]:
-    caption = (_CAPTIONS if comparison.compared == "angle" else _OF_PRESSURE)[name]
+    caption = caption_of(name, comparison.compared)
     return [f"![{caption}]({name}.png)", f"*{caption}*"]
+
+
+def caption_of(figure: str, compared: str) -> str:
+    """Say what a figure of a comparison by ``angle`` or ``pressure`` shows."""
+    return (_CAPTIONS if compared == "angle" else _OF_PRESSURE)[figure]
 
 
 @styled

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from spa_fo.atomic import write_text
 from spa_fo.report.html_page import html_page
-from spa_fo.report.published import PublishedMaterial
+from spa_fo.report.published import MeasuredMaterial, PublishedMaterial
 from spa_fo.report.tables import Table, markdown_body
 
 ALL = "tables"  # folder of what is made of all materials together
@@ -16,7 +16,7 @@ _MOST_ROWS = 500  # Chromium shows no more than 2 MB in a frame
 
 
 def write_pages(
-    materials: Sequence[PublishedMaterial], tables: Mapping[str, Table], folder: Path
+    materials: Sequence[MeasuredMaterial], tables: Mapping[str, Table], folder: Path
 ) -> None:
     """Write the pages: ``<material>/<page>.html`` and ``tables/<table>.html``.
 
@@ -32,15 +32,20 @@ def write_pages(
         write_text(folder / ALL / f"{name}.html", _table_page(name, table))
 
 
-def _material_pages(material: PublishedMaterial) -> Iterator[tuple[str, str]]:
+def _material_pages(material: MeasuredMaterial) -> Iterator[tuple[str, str]]:
+    if isinstance(material, PublishedMaterial):
+        yield from _identified_pages(material)
+    if material.changed is not None:
+        page = f"{material.changed_page.strip()}\n\n_{material.provenance}_"
+        yield "changed", html_page(f"What changed in {material.name}", page)
+
+
+def _identified_pages(material: PublishedMaterial) -> Iterator[tuple[str, str]]:
     yield "logs", html_page(f"The logs of {material.name}", material.parse_report)
     fit = f"```\n{material.fit_report.strip()}\n```\n\n_{material.provenance}_"
     yield "fit", html_page(f"The model of {material.name}", fit)
     verdict = f"{material.diagnosis_page.strip()}\n\n_{material.provenance}_"
     yield "verdict", html_page(f"Diagnosis of {material.name}", verdict)
-    if material.changed is not None:
-        page = f"{material.changed_page.strip()}\n\n_{material.provenance}_"
-        yield "changed", html_page(f"What changed in {material.name}", page)
 
 
 def _table_page(name: str, table: Table) -> str:

@@ -13,7 +13,12 @@ import pandas as pd
 from spa_fo.report.effect_words import phrase, words_of
 from spa_fo.report.headline import first_step, opening, probability
 from spa_fo.report.html_page import html_of
-from spa_fo.report.published import PublishedMaterial, joint_provenance
+from spa_fo.report.published import (
+    MeasuredMaterial,
+    PublishedMaterial,
+    identified,
+    joint_provenance,
+)
 from spa_fo.report.tables import Table, markdown_body
 
 MOST_OPENINGS = 6
@@ -47,8 +52,10 @@ def campaign_table(materials: Sequence[PublishedMaterial]) -> Table:
     )
 
 
-def openings_html(materials: Sequence[PublishedMaterial]) -> str:
+def openings_html(materials: Sequence[MeasuredMaterial]) -> str:
     """Write what the report begins with: two sentences and a picture each; of many, a table first.
+
+    A material that is only compared has its two sentences behind those.
 
     Parameters
     ----------
@@ -60,6 +67,11 @@ def openings_html(materials: Sequence[PublishedMaterial]) -> str:
     str
         HTML, the pictures in it.
     """
+    compared = "".join(_change_html(*each) for each in _only_compared(materials))
+    return _diagnosed_html(identified(materials)) + compared
+
+
+def _diagnosed_html(materials: Sequence[PublishedMaterial]) -> str:
     if len(materials) <= MOST_OPENINGS:
         return "".join(_opening_html(material) for material in materials)
     table = campaign_table(materials)
@@ -71,9 +83,24 @@ def openings_html(materials: Sequence[PublishedMaterial]) -> str:
     )
 
 
-def openings_markdown(materials: Sequence[PublishedMaterial]) -> Iterator[str]:
+def openings_markdown(materials: Sequence[MeasuredMaterial]) -> Iterator[str]:
     """Write the same as Markdown, beside the results."""
     yield "## In short"
+    yield from _diagnosed_markdown(identified(materials))
+    for material, answer in _only_compared(materials):
+        yield f"**{material.label}** ({material.campaign.provenance.kind} data). {answer}"
+
+
+def _only_compared(
+    materials: Sequence[MeasuredMaterial],
+) -> Iterator[tuple[MeasuredMaterial, str]]:
+    """Yield the materials that were compared and not diagnosed, with what changed."""
+    for material in materials:
+        if material.changed is not None and not isinstance(material, PublishedMaterial):
+            yield material, " ".join(material.changed["answer"])
+
+
+def _diagnosed_markdown(materials: Sequence[PublishedMaterial]) -> Iterator[str]:
     if len(materials) > MOST_OPENINGS:
         yield f"Of {len(materials)} campaigns, {_ORDER}; all of them: `tables/campaigns.csv`."
     shown = materials if len(materials) <= MOST_OPENINGS else worst_first(materials)
@@ -82,6 +109,13 @@ def openings_markdown(materials: Sequence[PublishedMaterial]) -> Iterator[str]:
         yield f"**{material.label}** ({kind} data). {' '.join(opening(material.diagnosis))}"
         yield f"![{material.label}]({material.name}/diagnosis/opening.png)"
         yield f"Interactive: [{PAGE}]({material.name}/{PAGE})."
+
+
+def _change_html(material: MeasuredMaterial, answer: str) -> str:
+    return (
+        f'<div class="opening"><p><b>{html.escape(material.label)}</b> '
+        f"({material.campaign.provenance.kind} data). {html.escape(answer)}</p></div>\n"
+    )
 
 
 def _opening_html(material: PublishedMaterial) -> str:

@@ -10,6 +10,7 @@ import pandas as pd
 from spa_fo.identify.reproduction import Reproduction
 from spa_fo.report.ablation import ablation_table, verdict_lines
 from spa_fo.report.audit import AuditLine, Identified, audit, audit_table
+from spa_fo.report.change import caption_of
 from spa_fo.report.comparison import (
     MaterialComparison,
     baseline_table,
@@ -17,7 +18,12 @@ from spa_fo.report.comparison import (
     rms_table,
 )
 from spa_fo.report.headline import headline
-from spa_fo.report.published import PublishedMaterial, joint_provenance
+from spa_fo.report.published import (
+    MeasuredMaterial,
+    PublishedMaterial,
+    identified,
+    joint_provenance,
+)
 from spa_fo.report.study import campaign_table, openings_markdown
 from spa_fo.report.tables import Table, write_table
 
@@ -35,15 +41,11 @@ _CAPTIONS = {
 }
 
 
-_CHANGE = (
-    "What is left of the campaign when what the model misses on the reference, too, is taken off; "
-    "what leaves the band has changed."
-)
 _CHANGED_PAGE = "changed/comparison.md"
 _PAGES = ("diagnosis/diagnosis.html", "diagnosis/diagnosis.md")
 
 
-def tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
+def tables(materials: Sequence[MeasuredMaterial]) -> dict[str, Table]:
     """Make every table, by the name of its file.
 
     Parameters
@@ -54,8 +56,14 @@ def tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
     Returns
     -------
     dict of str to Table
-        Those about step responses only where some material has them.
+        Those about step responses only where some material has them; none where nothing was
+        identified.
     """
+    found = identified(materials)
+    return _tables(found) if found else {}
+
+
+def _tables(materials: Sequence[PublishedMaterial]) -> dict[str, Table]:
     stepped = [material for material in materials if material.comparison is not None]
     found: dict[str, Table] = {}
     if stepped:
@@ -99,12 +107,13 @@ def _compared(materials: Sequence[PublishedMaterial]) -> list[PublishedMaterial]
 
 
 def write_tables(found: Mapping[str, Table], folder: Path) -> None:
-    """Write every table as CSV, LaTeX and Markdown into `folder`."""
+    """Write every table as CSV, LaTeX and Markdown into `folder`, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
     for name, table in found.items():
         write_table(table, folder / name)
 
 
-def summary(materials: Sequence[PublishedMaterial], tables_folder: Path, root: Path) -> str:
+def summary(materials: Sequence[MeasuredMaterial], tables_folder: Path, root: Path) -> str:
     """Return the summary as Markdown.
 
     Parameters
@@ -124,7 +133,7 @@ def summary(materials: Sequence[PublishedMaterial], tables_folder: Path, root: P
     return "\n\n".join(parts) + "\n"
 
 
-def _provenance(materials: Sequence[PublishedMaterial]) -> Iterator[str]:
+def _provenance(materials: Sequence[MeasuredMaterial]) -> Iterator[str]:
     lines = [
         f"- **{material.label}** (`{material.campaign.name}`): {material.provenance}."
         for material in materials
@@ -145,7 +154,15 @@ def _paper_part(folder: Path) -> Iterator[str]:
             yield path.read_text(encoding="utf-8").strip()
 
 
-def _material_part(material: PublishedMaterial) -> Iterator[str]:
+def _material_part(material: MeasuredMaterial) -> Iterator[str]:
+    if isinstance(material, PublishedMaterial):
+        yield from _identified_part(material)
+    elif material.changed is not None:
+        yield f"## {material.label}"
+        yield from _changed_part(material)
+
+
+def _identified_part(material: PublishedMaterial) -> Iterator[str]:
     yield f"## {material.label}"
     yield f"```\n{material.fit_report.strip()}\n```"
     yield from _diagnosis_part(material)
@@ -172,23 +189,26 @@ def _diagnosis_part(material: PublishedMaterial) -> Iterator[str]:
     yield f"The pages of this diagnosis: {' to zoom into, and as text '.join(links)}."
 
 
-def _changed_part(material: PublishedMaterial) -> Iterator[str]:
+def _changed_part(material: MeasuredMaterial) -> Iterator[str]:
     if material.changed is None:
         return
     yield f"### What changed since `{material.changed['reference']}`"
     answer, sizes = material.changed["answer"]
     yield f"**{answer}** {sizes}"
-    yield f"![{_CHANGE}]({material.name}/changed/change.png)"
-    yield f"*{_CHANGE}*"
+    caption = caption_of("change", material.changed["compared"])
+    yield f"![{caption}]({material.name}/changed/change.png)"
+    yield f"*{caption}*"
     yield f"The page of this comparison: [{_CHANGED_PAGE}]({material.name}/{_CHANGED_PAGE})."
 
 
 def _files_part(tables_folder: Path, root: Path) -> Iterator[str]:
-    yield "## Every table"
-    yield "\n".join(
+    links = [
         f"- [{path.name}]({path.relative_to(root).as_posix()})"
         for path in sorted(tables_folder.glob("[!.]*"))
-    )
+    ]
+    if links:
+        yield "## Every table"
+        yield "\n".join(links)
 
 
 def _fit_errors(materials: Sequence[PublishedMaterial]) -> Table:

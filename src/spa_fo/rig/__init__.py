@@ -9,6 +9,7 @@ from spa_fo.rig.campaign import (
     Provenance,
     TrialFile,
     read_campaign,
+    read_description,
 )
 from spa_fo.rig.log_format import Column, LogFormat
 from spa_fo.rig.parse_report import Damage, FileReport, ParseReport
@@ -35,6 +36,7 @@ __all__ = [
     "TrialFile",
     "load_trials",
     "read_campaign",
+    "read_description",
     "read_trials",
     "write_trials",
 ]

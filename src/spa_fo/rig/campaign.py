@@ -148,13 +148,31 @@ def read_campaign(folder: Path | str, angle: bool = True) -> Campaign:
         an experiment without trials, time running against order), a file is missing, all trials
         or the earliest calibration are empty, or bytes are not those of SHA256SUMS.
     """
+    campaign = read_description(folder, angle)
+    _check_sense(campaign)
+    return _without_empty(replace(campaign, warnings=_check_files(campaign)))
+
+
+def read_description(folder: Path | str, angle: bool = True) -> Campaign:
+    """Read campaign.yaml alone; nothing is checked against the files.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Holds campaign.yaml.
+    angle : bool
+        Whether its logs have to hold an angle.
+
+    Raises
+    ------
+    BadInput
+        campaign.yaml is missing, or does not hold to its schema.
+    """
     folder = Path(folder)
     path = campaign_folder(folder)
     document = load_yaml(path)
     validate(document, package_schema("spa_fo.rig", "campaign.schema.yaml"), path)
-    campaign = build_campaign(document, folder, angle)
-    _check_sense(campaign)
-    return _without_empty(replace(campaign, warnings=_check_files(campaign)))
+    return build_campaign(document, folder, angle)
 
 
 def _without_empty(campaign: Campaign) -> Campaign:
