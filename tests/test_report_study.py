@@ -11,7 +11,7 @@ from typing import Any
 from pages import Addresses, words
 from spa_fo.gap.diagnosis import Diagnosis, Gap
 from spa_fo.report.headline import opening
-from spa_fo.report.published import PublishedMaterial
+from spa_fo.report.published import MeasuredMaterial, PublishedMaterial
 from spa_fo.report.study import (
     MOST_OPENINGS,
     campaign_table,
@@ -19,6 +19,7 @@ from spa_fo.report.study import (
     openings_markdown,
     worst_first,
 )
+from spa_fo.report.summary import tables
 from spa_fo.report.tables import write_table
 from spa_fo.rig import Provenance
 from test_diagnosis_report import AMBIGUOUS, NO_GAP, UNEXPLAINED, diagnosis
@@ -99,3 +100,21 @@ def test_the_summary_opens_alike() -> None:
     assert few.count("](") == 2 * len(FOUR)
     assert many.count("![") == MOST_OPENINGS
     assert "tables/campaigns.csv" in many
+
+
+def test_what_was_only_compared_has_its_sentences_and_no_row() -> None:
+    campaign: Any = FOUR[0].campaign
+    compared = [
+        MeasuredMaterial(
+            name="june", campaign=campaign, changed={"answer": ["A < B.", "By 2 kPa."]}
+        ),
+        MeasuredMaterial(name="may", campaign=campaign),
+    ]
+    page = openings_html([*compared, *FOUR])
+    assert page.startswith(openings_html(FOUR))
+    assert page.removeprefix(openings_html(FOUR)).count("A &lt; B. By 2 kPa.") == 1
+    lines = list(openings_markdown([*compared, *FOUR]))
+    assert lines[:-1] == list(openings_markdown(FOUR))
+    assert lines[-1] == "**rubber fine** (synthetic data). A < B. By 2 kPa."
+    assert list(openings_markdown(compared)) == ["## In short", lines[-1]]
+    assert tables(compared) == {}
