@@ -124,6 +124,8 @@ def test_a_command_that_never_jumps_is_compared_all_over(tmp_path: Path) -> None
     assert same.kind == "nothing_changed"
     later = Comparison.of_pressure(tmp_path / "before", sines(tmp_path / "after", 0.2, 7))
     assert later.kind != "nothing_changed"
+    chances = [cause["probability"] for cause in later.document["causes"]]
+    assert chances == sorted(chances, reverse=True)
 
 
 def test_an_effect_of_the_actuator_is_not_seen(tmp_path: Path) -> None:

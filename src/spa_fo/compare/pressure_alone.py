@@ -171,6 +171,21 @@ def _said(
     located = shares(evidence, grid.angle_deg - command, command)
     left = sorted(set(LIBRARY) - {n for ids in weighed for n in ids} - set(excluded))
     none = weighed.get((), 0.0)
+    causes = (
+        *(
+            Cause(
+                ids or ("none",),
+                probability,
+                drive_intervals(fits[ids]) if ids else {},
+                {},
+                held_out_rmse_deg=errors.get(ids),
+            )
+            for ids, probability in ranked
+        ),
+        *(Cause(("none",), 0.0, {}, {}) for _ in range(() not in weighed)),
+        *(Cause((name,), 0.0, {}, {}) for name in left if LIBRARY[name].stage == "drive"),
+        Cause(("unknown",), unknown, {}, {}),
+    )
     return Diagnosis(
         campaign=campaign.name,
         material=campaign.material,
@@ -192,21 +207,7 @@ def _said(
             trial=located["trial"],
             frequency=located["frequency"],
         ),
-        causes=(
-            *(
-                Cause(
-                    ids or ("none",),
-                    probability,
-                    drive_intervals(fits[ids]) if ids else {},
-                    {},
-                    held_out_rmse_deg=errors.get(ids),
-                )
-                for ids, probability in ranked
-            ),
-            *(Cause(("none",), 0.0, {}, {}) for _ in range(() not in weighed)),
-            *(Cause((name,), 0.0, {}, {}) for name in left if LIBRARY[name].stage == "drive"),
-            Cause(("unknown",), unknown, {}, {}),
-        ),
+        causes=tuple(sorted(causes, key=lambda cause: -cause.probability)),
         kind=kind,
         sets=sets,
         next_experiment=_LOG_IT.text if kind in ("ambiguous", "unknown") else None,
