@@ -120,6 +120,21 @@ def test_a_label_and_a_diagnosis_are_read_as_they_stand() -> None:
     assert (bench.rate_hz, bench.bits, bench.pressure) == (50.0, 12, True)
 
 
+@pytest.mark.parametrize(
+    ("kind", "effect", "read"),
+    [
+        ("closed", "creep", "closed"),
+        ("closed", "gain_growth", "further"),
+        ("withheld", "gain_growth", "withheld"),
+        ("alien", "ballooning", "alien"),
+    ],
+)
+def test_effects_beyond_the_contract_are_a_kind_of_their_own(
+    kind: str, effect: str, read: str
+) -> None:
+    assert read_truth(label(kind=kind, effects=[effect]), "l").kind == read
+
+
 def test_what_is_rich() -> None:
     def rich(name: str, repeats: int) -> bool:
         protocol = {"name": name, "repeats": repeats, "order": "blocked"}

@@ -33,6 +33,7 @@ writes every case of a plan:
   other: {sizes: [2, 8]}           # the same on the other protocols
   withheld: {sizes: [4, 8]}        # each effect once, taken out of the library
   alien: {sizes: [4, 8]}           # each foreign effect once
+  further: {sizes: [4, 8]}         # each effect beyond the contract's
   pair: 10
   several: 10                      # three to five effects at once
 """

@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from blind.judge.questions import MEASURES, Question, found, in_sets, right_first
-from blind.judge.records import ERROR, TOGETHER, Answer, Outcome, Truth
+from blind.judge.records import ALONE, ERROR, TOGETHER, Answer, Outcome, Truth
 from blind.judge.statistics import Estimate
 from blind.judge.targets import (
     LARGE,
     Group,
     by_rig,
     cases,
+    further_large,
     missing,
     no_effect,
     other_large,
@@ -35,6 +36,8 @@ _RATES: tuple[tuple[str, Group, str, bool], ...] = (
     ("rich, 2: found", rich_two, "found", False),
     ("other, 4 and more: in sets", other_large, "in_sets", False),
     ("any size: no wrong name", cases("closed"), "wrong_name", True),
+    ("beyond the contract's, 4 and more: in sets", further_large, "in_sets", False),
+    ("beyond the contract's, any size: no wrong name", cases("further"), "wrong_name", True),
     ("missing: unknown or equal", missing, "fair_or_unknown", False),
     ("missing: no wrong name", missing, "wrong_name", True),
     ("no false alarm", no_effect, "false_alarm", True),
@@ -139,7 +142,7 @@ def smallest_sizes(
     outcomes: Sequence[Outcome], question: Question, share: float = DETECTED
 ) -> dict[str, float | None]:
     """Give the smallest size of an effect of the library for rich protocols and for others."""
-    closed = [o for o in outcomes if o.truth.kind == "closed"]
+    closed = [o for o in outcomes if o.truth.kind in ALONE]
     present = {protocols(o.truth) for o in closed}
     return {
         name: smallest_size([o for o in closed if protocols(o.truth) == name], question, share)
@@ -172,6 +175,7 @@ class Confusion:
 
 CONFUSIONS: Mapping[str, Group] = {
     "rich protocols": lambda t: rich_large(t) or (no_effect(t) and t.is_rich),
+    "effect beyond the contract's": further_large,
     "effect missing from the library": lambda t: missing(t) and (t.size or 0.0) >= LARGE,
 }
 

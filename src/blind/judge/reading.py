@@ -24,6 +24,7 @@ from blind.judge.records import (
 )
 from spa_fo.errors import BadInput
 from spa_fo.plant.effects.effect import STAGES
+from spa_fo.plant.effects.library import CONTRACT
 
 Record = TypeVar("Record")
 
@@ -166,7 +167,7 @@ def _truth(label: Mapping[str, Any]) -> Truth:
     return Truth(
         case=str(label["case"]),
         rig=str(label["rig"]),
-        kind=_one_of(asked["kind"], KINDS, "asked.kind"),
+        kind=_kind(asked),
         effects=_ids(asked["effects"]),
         equivalents=_ids(label["equivalents"]),
         size=_size(asked["sizes"], truth["sizes_reached"]),
@@ -179,6 +180,12 @@ def _truth(label: Mapping[str, Any]) -> Truth:
         model_error_deg=None if error is None else _number(error),
         short=_is_short(asked["sizes"], truth["sizes_reached"]),
     )
+
+
+def _kind(asked: Mapping[str, Any]) -> str:
+    """Tell the effects beyond the contract's from its own: the goals are set for these."""
+    kind = _one_of(asked["kind"], KINDS, "asked.kind")
+    return "further" if kind == "closed" and not _ids(asked["effects"]) <= set(CONTRACT) else kind
 
 
 def _surroundings(asked: Mapping[str, Any]) -> Surroundings:

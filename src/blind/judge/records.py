@@ -11,7 +11,9 @@ Ids = frozenset[str]
 NONE: Ids = frozenset({"none"})
 UNKNOWN: Ids = frozenset({"unknown"})
 SHIFT: Ids = frozenset({"parameter_shift"})
-KINDS = ("closed", "no_effect", "withheld", "alien", "pair", "several")
+KINDS = ("closed", "further", "no_effect", "withheld", "alien", "pair", "several")
+ALONE = ("closed", "further")
+"""Kinds of one effect of the library: the contract's, and those beyond it."""
 TOGETHER = ("pair", "several")
 """Kinds of more than one effect."""
 
@@ -71,7 +73,7 @@ class Truth:
     rig : str
         Which made it.
     kind : str
-        One of `KINDS`.
+        One of `KINDS`: as asked, but for ``further``, which is asked as ``closed``.
     effects : frozenset of str
         What is at work.
     equivalents : frozenset of str

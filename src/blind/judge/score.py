@@ -286,14 +286,15 @@ def score(outcomes: Sequence[Outcome]) -> Scores:
 
 def _rig_scores(outcomes: Sequence[Outcome]) -> RigScores:
     shrink = shrink_points(outcomes)
+    contract = [o for o in outcomes if o.truth.kind == "closed"]
     return RigScores(
         cases=len(outcomes),
         kinds=dict(Counter(o.truth.kind for o in outcomes)),
         short=sum(o.truth.short for o in outcomes),
         arms=arms(outcomes),
         calibration=_calibrations(outcomes),
-        smallest_found=smallest_sizes(outcomes, found),
-        smallest_named=smallest_sizes(outcomes, in_sets),
+        smallest_found=smallest_sizes(contract, found),
+        smallest_named=smallest_sizes(contract, in_sets),
         confusion={
             name: confusion([o for o in outcomes if group(o.truth)])
             for name, group in CONFUSIONS.items()

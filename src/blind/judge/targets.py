@@ -79,6 +79,7 @@ def missing(truth: Truth) -> bool:
 no_effect = cases("no_effect")
 rich_large, rich_two = cases("closed", True, LARGE), cases("closed", True, 2.0, 2.0)
 other_large = cases("closed", False, LARGE)
+further_large = cases("further", True, LARGE)
 
 
 def _at_least(goal: float, name: str, group: Group, measure: str) -> Target:
@@ -92,6 +93,7 @@ def _at_most(goal: float, name: str, group: Group, measure: str) -> Target:
 _LARGE = "rich protocol, 4 or more times the floor"
 _TWICE = "rich protocol, twice the floor"
 _MISSING = "effect withheld or foreign"
+_BEYOND = "effect beyond the contract's, 4 or more times the floor"
 
 FALSE_ALARMS = _at_most(0.02, "no effect: false alarms", no_effect, "false_alarm")
 WORST_CLASS = _at_most(
@@ -110,6 +112,8 @@ _BY_NAME = (
     _at_least(0.90, f"{_TWICE}: found", rich_two, "found"),
     _at_least(0.80, f"{_TWICE}: most probable is right", rich_two, "right_first"),
     WRONG_NAMES,
+    _at_least(0.92, f"{_BEYOND}: truth in the sets", further_large, "in_sets"),
+    _at_most(0.03, f"{_BEYOND}: wrong confident name", further_large, "wrong_name"),
     _at_most(0.08, f"{_MISSING}: wrong confident name", missing, "wrong_name"),
     _at_least(0.75, f"{_MISSING}: unknown or equal", missing, "fair_or_unknown"),
     _at_least(0.70, "pair: both named", cases("pair"), "in_sets"),

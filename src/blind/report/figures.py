@@ -15,6 +15,7 @@ from spa_fo.report.style import (
     BLUE,
     GREEN,
     GREY,
+    ORANGE,
     PURPLE,
     SKY,
     TWO_COLUMNS_IN,
@@ -25,6 +26,7 @@ from spa_fo.report.style import (
 
 _KINDS = {
     "closed": ("effect in the library", BLUE, "o"),
+    "further": ("effect beyond the contract's", ORANGE, "X"),
     "no_effect": ("no effect", GREY, "s"),
     "withheld": ("effect withheld", VERMILION, "v"),
     "alien": ("foreign effect", PURPLE, "^"),

@@ -7,6 +7,7 @@ from typing import Any
 
 KIND_NAMES = {
     "closed": "effect in the library",
+    "further": "effect beyond the contract's",
     "no_effect": "no effect",
     "withheld": "effect withheld",
     "alien": "foreign effect",
