@@ -52,6 +52,7 @@ SIZES: dict[str, dict[str, float]] = {
     "orifice_flow": {"filling_s": 0.25, "venting_ratio": 1.6},
     "drive_overshoot": {"fraction": 0.15, "period_s": 1.2, "damping": 0.3},
     "drive_hunting": {"fall": 0.2, "period_s": 3.0},
+    "supply_limit": {"highest_kpa": 20.0},
     "gain_growth": {"growth": 0.15, "exponent": 0.8},
     "opening_fold": {"opening_kpa": 4.0, "sharpness": 3.0},
     "pressure_set": {"set_kpa": 2.0, "building_s": 3.0},

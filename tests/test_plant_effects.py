@@ -21,6 +21,7 @@ from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import CONTRACT, IDS, LIBRARY, absent, stage_of, switches
 from spa_fo.plant.effects.sensor import read_angle
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
+from spa_fo.plant.effects.stiffening import stiffening_moment
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.lost_rows import command_times
 from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S, contour_for
@@ -202,6 +203,11 @@ def stop(angle: float, p: dict[str, float]) -> float:
     return p["stiffness"] * beyond**2 / (beyond + math.radians(p["softness_deg"]))
 
 
+def softened(angle: float, p: dict[str, float]) -> float:
+    part = abs(p["fraction_at_60deg"]) * (abs(angle) / REFERENCE) ** p["exponent"]
+    return angle * ((1.0 + p["exponent"] * part) ** (-1.0 / p["exponent"]) - 1.0)
+
+
 LAWS = {
     "stiffening": lambda p: naive.Spring(
         lambda a: p["fraction_at_60deg"] * (abs(a) / REFERENCE) ** p["exponent"] * a
@@ -233,6 +239,26 @@ def test_a_moment_in_the_loop_against_a_convolution(name: str) -> None:
     found, plain = angles(own, vector(name))[0], angles(own, absent())[0]
     assert np.abs(found - plain).max() > 2.0
     np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
+
+
+def test_a_moment_that_softens_against_a_convolution() -> None:
+    command = step_release()
+    p = parameters("stiffening", fraction_at_60deg=-0.2)
+    law = naive.Spring(lambda a: softened(a, p))
+    slow = np.degrees(naive.loop(np.repeat(command, 2) / KPA, STEP_S, X, law))
+    own = trials(command)
+    found = angles(own, vector("stiffening", fraction_at_60deg=-0.2))[0]
+    assert (found - angles(own, absent())[0]).max() > 2.0
+    np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
+
+
+@pytest.mark.parametrize("fraction", [-50.0, -1.0, -1e-6])
+@pytest.mark.parametrize("exponent", [0.8, 2.2, 8.0])
+def test_what_softens_has_one_angle_to_each_load(fraction: float, exponent: float) -> None:
+    angle = np.linspace(math.radians(10.0), math.radians(200.0), 400)
+    moment, slope = np.array([stiffening_moment(a, fraction, exponent) for a in angle]).T
+    assert (np.diff(angle + moment) > 0.0).all()
+    np.testing.assert_allclose(np.gradient(moment, angle)[1:-1], slope[1:-1], atol=0.03)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -427,6 +453,7 @@ NOTHING: dict[str, dict[str, float]] = {
     "drive_hunting": {"fall": 0.0},
     "slew_limit": {"rise_kpa_s": 1e9, "approach_s": 1e-9},
     "sensor_saturation": {"ceiling_deg": 1e6, "knee_deg": 0.1},
+    "supply_limit": {"highest_kpa": 1e6, "knee": 1e-6},
 }
 
 

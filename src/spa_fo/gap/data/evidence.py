@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from scipy.interpolate import make_interp_spline
 
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
+from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, Reach
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
@@ -27,6 +29,8 @@ _TIMING_S = 0.003  # error of one sample's time
 _RATE_OVER_S = 0.12
 _CURVE_FLOOR_DEG = 0.08
 _NEAR_S = 0.4
+_TOP = 0.99  # quantile: what a few samples read is no reach
+_SHORTEST = 0.01  # of the usual reach: a campaign of noise alone has some, too
 _ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
 _HATS = make_interp_spline(CURVE_KNOTS_DEG, np.eye(len(CURVE_KNOTS_DEG)), k=1)
 
@@ -50,6 +54,20 @@ class Evidence:
     drift_angle_deg: Floats  # (m,): at which angles
     drift_after: Integers  # (m,): how many trials came before
     usual: Usual | None = None  # what a reference says that the model misses
+
+    @cached_property
+    def reach(self) -> Reach:
+        """How far it goes, which says what is plausible of an effect's parameters."""
+        grid = self.grid
+        kpa = grid.pressure_kpa if grid.command_kpa is None else grid.command_kpa
+        assert kpa is not None
+        angle, pressure = (
+            float(np.quantile(np.abs(values), _TOP)) for values in (grid.angle_deg, kpa)
+        )
+        return Reach(
+            max(angle, _SHORTEST * USUAL_DEG) / USUAL_DEG,
+            max(pressure, _SHORTEST * USUAL_KPA) / USUAL_KPA,
+        )
 
     @property
     def used(self) -> NDArray[np.bool_]:

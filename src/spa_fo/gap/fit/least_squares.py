@@ -23,6 +23,7 @@ from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.fit.minimise import Minimum, Quadratic, free_of, minimise
 from spa_fo.gap.fit.mixed import WEAK, Normal, Prior, Solution, solve
 from spa_fo.gap.noise.whitening import Factor, Whitening
+from spa_fo.plant.effects.effect import Reach
 from spa_fo.plant.effects.library import LIBRARY, absent
 
 Floats = NDArray[np.float64]
@@ -321,10 +322,10 @@ class Explained(ABC):
         return total + float(np.sum(logs + np.log(erfcx(slope / np.sqrt(2.0 * curvature)))))
 
 
-def slots_of(ids: Sequence[str]) -> list[Slot]:
+def slots_of(ids: Sequence[str], reach: Reach) -> list[Slot]:
     """List what is searched of some effects."""
     return [
-        Slot(parameter, LIBRARY[name].first + k)
+        Slot(parameter.at(reach), LIBRARY[name].first + k)
         for name in ids
         if LIBRARY[name].port == "chain"
         for k, parameter in enumerate(LIBRARY[name].parameters)

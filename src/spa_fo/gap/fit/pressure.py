@@ -142,7 +142,7 @@ class PressureProblem(Explained):
         lag = _LAG_LEFT if lag_known else _LAG
         if evidence.data.campaign.log.format == "spa-rig":
             lag = _RIG_LAG
-        super().__init__([*slots_of(ids), Slot(lag, -1)], np.ones(1))
+        super().__init__([*slots_of(ids, evidence.reach), Slot(lag, -1)], np.ones(1))
         assert evidence.grid.measured_kpa is not None
         self.measured = self.rows.merged(evidence.grid.measured_kpa)
         self.group = np.full(3, -1)

@@ -59,7 +59,8 @@ class AngleProblem(Explained):
         if not bench.noise.compared:  # what a reference's model errs by is expected beside it
             known = known.untempered()
         slips = at_port("zeros", ids) is not None
-        super().__init__(slots_of(ids), nuisance_scales(bench, slips), known)
+        reach = self.evidence.reach
+        super().__init__(slots_of(ids, reach), nuisance_scales(bench, slips), known)
         self.strength[_OF_TRIALS] += told_by_repeats(bench)
         if slips:
             self.strength[REST] = WEAK  # what repeats differ by at rest is the slip's
@@ -114,13 +115,13 @@ class AngleProblem(Explained):
         self.group[self.waves] = LINE
         self.variance[self.curve] = evidence.curve_sigma_deg**2
         if curve:
-            spread = [q.spread for q in LIBRARY[curve].parameters]
+            spread = [q.at(evidence.reach).spread for q in LIBRARY[curve].parameters]
             self.variance[self.curve] += np.square(spread)
         if self.trend:
             self.variance[self.trends] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])
         self.variance[self.late] = SETTINGS.angle_late_s**2
         if slips:
-            self.variance[self.walk] = LIBRARY[slips].parameters[0].spread ** 2
+            self.variance[self.walk] = LIBRARY[slips].parameters[0].at(evidence.reach).spread ** 2
         self._still = self._of_calibrations()
 
     def columns(self, z: Floats) -> Floats:

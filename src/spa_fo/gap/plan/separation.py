@@ -103,7 +103,7 @@ class _Searched:
     def __init__(self, rival: Rival, evidence: Evidence) -> None:
         self.ids, self.base = rival.ids, rival.effects
         self.slots = [
-            Slot(parameter, LIBRARY[name].first + k)
+            Slot(parameter.at(evidence.reach), LIBRARY[name].first + k)
             for name in rival.ids
             for k, parameter in enumerate(LIBRARY[name].parameters)
             if not np.isnan(rival.effects[LIBRARY[name].first])

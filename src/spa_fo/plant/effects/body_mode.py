@@ -1,7 +1,8 @@
 """The body swings after a change: a lightly damped mode beside the slow motion.
 
-A part of the load moves the angle through an oscillator. Seen in the logs of a three-chamber arm,
-whose angle swings at 0.34 to 0.42 Hz while its pressure is steady.
+A part of the load moves the angle through an oscillator. Seen in the logs of a three-chamber arm
+(zhiqiao0256/Soft-Arm-SMART-Controller-), whose angle swings at 0.34 to 0.42 Hz while its pressure
+is steady.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ EFFECT = Effect(
             "kPa",
             "change of the command without a change of the pressure",
             spread=2.0,
-            high=30.0,
+            high=300.0,
             start=1.0,
         ),
         share(

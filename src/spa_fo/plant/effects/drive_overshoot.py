@@ -1,7 +1,8 @@
 """After each change the pressure goes too far, and settles.
 
-Seen in the pressures of regulators, which are loops with little damping: one overshoot, or a few
-swings that end before the actuator has settled.
+Regulators are loops with more or less damping: one overshoot, or a few swings that end before the
+actuator has settled. Seen in the steps of a proportional one (chukhanhhoang/SoftRoboticSetupFesto),
+which go too far by 1.5 %.
 """
 
 from __future__ import annotations

@@ -6,15 +6,13 @@ effect by its name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-
-from spa_fo.rig.trial import Trial
 
 Floats = NDArray[np.float64]
 Stage = Literal["drive", "actuator", "sensor", "acquisition"]
@@ -31,6 +29,23 @@ Shown = Literal["release", "levels", "hold", "order"]
 
 RARER = 0.2
 """Odds of what single rigs show against what the literature finds on most of them."""
+
+USUAL_DEG, USUAL_KPA = 60.0, 60.0
+"""Largest angle and pressure of a rig that what is plausible of parameters is written for."""
+_GOES_WITH = {
+    "deg": (1.0, 0.0),
+    "deg per trial": (1.0, 0.0),
+    "kPa": (0.0, 1.0),
+    "kPa/s": (0.0, 1.0),
+}
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Largest angle and pressure of a rig, as multiples of `USUAL_DEG` and `USUAL_KPA`."""
+
+    angle: float = 1.0
+    pressure: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -52,6 +67,9 @@ class Parameter:
         Where searches begin.
     means : str
         What it is, for the pages.
+    goes_with : (float, float), optional
+        Powers of a rig's largest angle and pressure that what is plausible goes with; by default
+        as the unit says: degrees with the angle, kPa with the pressure.
     """
 
     name: str
@@ -63,6 +81,22 @@ class Parameter:
     log: bool = False
     starts: tuple[float, ...] = ()
     means: str = ""
+    goes_with: tuple[float, float] | None = None
+
+    def at(self, reach: Reach) -> Parameter:
+        """Return what is plausible of it on a rig of another reach; its bounds stay."""
+        angle, pressure = self.goes_with or _GOES_WITH.get(self.unit, (0.0, 0.0))
+        factor = float(reach.angle**angle * reach.pressure**pressure)
+
+        def scaled(value: float) -> float:
+            return min(max(factor * value, self.low), self.high)
+
+        return replace(
+            self,
+            centre=scaled(self.centre),
+            spread=self.spread if self.log else factor * self.spread,
+            starts=tuple(map(scaled, self.starts)),
+        )
 
 
 @dataclass(frozen=True)
@@ -117,8 +151,6 @@ class Effect:
         searched, which takes several simulations for one.
     odds : float
         How probable it is beforehand, against one that most rigs show.
-    told_by : callable, optional
-        Whether logs by themselves speak for it: then it is tried at once, rare as it may be.
     source : Path or str
         The file that it comes from, for messages.
     first : int
@@ -143,7 +175,6 @@ class Effect:
     act: Callable[..., Any] | None = None
     sees_angle: bool = True
     odds: float = 1.0
-    told_by: Callable[[Sequence[Trial]], bool] | None = None
     source: Path | str = "library"
     first: int = -1
 
@@ -179,9 +210,12 @@ def amplitude(
     high: float,
     start: float,
     low: float = 0.0,
+    goes_with: tuple[float, float] | None = None,
 ) -> Parameter:
     """Make a parameter that is zero where there is no effect."""
-    return Parameter(name, unit, 0.0, spread, low, high, starts=(start,), means=means)
+    return Parameter(
+        name, unit, 0.0, spread, low, high, starts=(start,), means=means, goes_with=goes_with
+    )
 
 
 def shape(

@@ -1,7 +1,7 @@
 """What a kPa bends depends on the pressure: more as a wall balloons, less against a bias chamber.
 
-Seen in the logs of a three-chamber arm, whose angle goes about as the pressure to the power of
-1.22; held against an opposing chamber it goes the other way.
+Seen in the logs of a three-chamber arm (zhiqiao0256/Soft-Arm-SMART-Controller-), whose angle goes
+about as the pressure to the power of 1.22; held against an opposing chamber it goes the other way.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ EFFECT = Effect(
             "1",
             "growth of the gain up to 30 kPa; negative where it falls",
             spread=0.12,
-            low=-2.0,
-            high=2.0,
+            low=-20.0,
+            high=20.0,
             start=0.06,
+            goes_with=(0.0, -1.0),
         ),
         shape(
             "exponent",

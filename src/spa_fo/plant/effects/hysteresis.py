@@ -13,7 +13,7 @@ EFFECT = Effect(
     stage="actuator",
     parameters=(
         amplitude(
-            "moment_deg", "deg", "width of the loop, as an angle", spread=3.0, high=25.0, start=1.5
+            "moment_deg", "deg", "width of the loop, as an angle", spread=3.0, high=90.0, start=1.5
         ),
         shape(
             "turn_deg",
@@ -21,8 +21,8 @@ EFFECT = Effect(
             "travel after a reversal until the other branch is reached",
             centre=25.0,
             factor=1.8,
-            low=2.0,
-            high=160.0,
+            low=0.1,
+            high=600.0,
         ),
         shape(
             "tail",

@@ -46,12 +46,12 @@ from spa_fo.plant.effects import (
     slew_limit,
     stiffening,
     supply_droop,
+    supply_limit,
     thermal_drift,
     unsigned_reading,
 )
 from spa_fo.plant.effects.effect import Effect, Floats, Port, Stage
 from spa_fo.plant.effects.shared import Integers
-from spa_fo.rig.trial import Trial
 
 _CONTRACT: tuple[Effect, ...] = (
     dead_time.EFFECT,
@@ -81,6 +81,7 @@ _FURTHER: tuple[Effect, ...] = (
     orifice_flow.EFFECT,
     drive_overshoot.EFFECT,
     drive_hunting.EFFECT,
+    supply_limit.EFFECT,
     gain_growth.EFFECT,
     opening_fold.EFFECT,
     pressure_set.EFFECT,
@@ -156,12 +157,6 @@ def log_odds(ids: Sequence[str]) -> float:
 def rare(name: str) -> bool:
     """Say whether only single rigs show an effect."""
     return LIBRARY[name].odds < 1.0
-
-
-def tried_late(trials: Sequence[Trial]) -> tuple[str, ...]:
-    """List the effects that are rare, and that logs by themselves do not speak for."""
-    told = {n for n, e in LIBRARY.items() if e.told_by is not None and e.told_by(trials)}
-    return tuple(name for name in LIBRARY if rare(name) and name not in told)
 
 
 def beside(ids: Sequence[str], names: Sequence[str]) -> list[str]:

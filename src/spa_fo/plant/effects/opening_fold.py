@@ -1,6 +1,7 @@
 """Below a pressure nothing bends: a fold or a flat wall has to open first.
 
-Seen in logs of bellows, and of chambers whose walls lie flat when they are empty.
+Seen in logs of bellows (E-IJpelaar/MScControlCode), and of chambers whose walls lie flat when they
+are empty.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ EFFECT = Effect(
             "kPa",
             "pressure that is needed before it bends",
             spread=3.0,
-            high=60.0,
+            high=600.0,
             start=1.5,
         ),
         shape(

@@ -2,8 +2,9 @@
 
 Flow through a valve or a fitting goes about as the root of the pressure across it (Richer and
 Hurmuzlu 2000, doi:10.1115/1.1286336, has the choked regime too). So a step of four times the height
-takes twice as long, and ends after a finite time. Seen in the pressures of a three-chamber arm,
-which fill in 0.8 to 1 s and take 1.4 s to vent nearly all.
+takes twice as long, and ends after a finite time. Seen in the pressures of a three-chamber arm
+(zhiqiao0256/Soft-Arm-SMART-Controller-), which fill in 0.8 to 1 s and take 1.4 s to vent nearly
+all.
 """
 
 from __future__ import annotations
@@ -63,6 +64,7 @@ EFFECT = Effect(
             spread=0.3,
             high=10.0,
             start=0.15,
+            goes_with=(0.0, -0.5),
         ),
         shape(
             "venting_ratio",

@@ -1,8 +1,9 @@
 """How slowly it moves depends on the pressure.
 
 An inflated wall is stiffer, and a slack one dissipates more: the load is felt late by a time that
-goes with the pressure, one way or the other. Seen in a three-chamber arm, whose angle takes 1 to
-3 s by the level while its pressure takes 0.35 to 0.8 s.
+goes with the pressure, one way or the other. Seen in a three-chamber arm
+(zhiqiao0256/Soft-Arm-SMART-Controller-), whose angle takes 1 to 3 s by the level while its pressure
+takes 0.35 to 0.8 s.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The rest angle shifts under load, up to a limit, and comes back slowly.
 
 Each load beyond a threshold leaves a set that is soon complete and that fades over minutes. Seen in
-the logs of a three-chamber arm, whose start angle climbs from pulse to pulse by 2 to 3 deg from
-10 psi on and by 0.15 deg at 5 psi. A later campaign begins without any.
+the logs of a three-chamber arm (zhiqiao0256/Soft-Arm-SMART-Controller-), whose start angle climbs
+from pulse to pulse by 2 to 3 deg from 10 psi on and by 0.15 deg at 5 psi. A later campaign begins
+without any.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ EFFECT = Effect(
             "kPa",
             "largest set, as the pressure that bends as much",
             spread=1.0,
-            high=20.0,
+            high=200.0,
             start=0.5,
         ),
         shape(
@@ -82,8 +83,8 @@ EFFECT = Effect(
             "pressure that sets half of it",
             centre=30.0,
             factor=2.0,
-            low=2.0,
-            high=300.0,
+            low=0.1,
+            high=3000.0,
         ),
         shape(
             "building_s",

@@ -11,7 +11,6 @@ import numpy as np
 
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
 from spa_fo.plant.effects.shared import MOMENTS, Floats, switched
-from spa_fo.rig.stuck import angle_stands
 
 
 def freeze(angle_deg: Floats, time_s: Floats, held: float, since: float) -> Floats:
@@ -59,5 +58,4 @@ EFFECT = Effect(
     },
     act=freeze,
     odds=RARER,
-    told_by=angle_stands,
 )

@@ -13,7 +13,7 @@ EFFECT = Effect(
     stage="sensor",
     parameters=(
         Parameter(
-            *("width_deg", "deg", 0.0, 2.0, -20.0, 20.0),
+            *("width_deg", "deg", 0.0, 2.0, -60.0, 60.0),
             starts=(1.0,),
             means="width of the loop: the reading lags; below 0 it is ahead",
         ),
@@ -23,8 +23,8 @@ EFFECT = Effect(
             "travel after a reversal until the other branch is reached",
             centre=3.0,
             factor=2.5,
-            low=0.3,
-            high=40.0,
+            low=0.02,
+            high=200.0,
             starts=(2.0, 7.0),
         ),
         shape(

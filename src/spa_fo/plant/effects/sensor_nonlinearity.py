@@ -12,7 +12,7 @@ from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, Floats
 def _error_at(angle: float) -> Parameter:
     words = f"error of the curve at {angle:.0f}°".replace("-", "−")
     name = f"at_{angle:.0f}deg".replace("-", "minus_")
-    return amplitude(name, "deg", words, spread=2.5, high=25.0, start=0.0, low=-25.0)
+    return amplitude(name, "deg", words, spread=2.5, high=90.0, start=0.0, low=-90.0)
 
 
 EFFECT = Effect(

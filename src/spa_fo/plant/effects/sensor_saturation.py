@@ -19,8 +19,8 @@ EFFECT = Effect(
             "largest angle that it reads",
             centre=55.0,
             factor=1.35,
-            low=8.0,
-            high=120.0,
+            low=1.0,
+            high=360.0,
             starts=(40.0, 58.0),
         ),
         shape(
@@ -30,14 +30,14 @@ EFFECT = Effect(
             centre=3.0,
             factor=2.2,
             low=0.1,
-            high=30.0,
+            high=90.0,
         ),
     ),
     name="saturation of the sensor",
     means="the reading stops rising at the top of its range",
     remedy="change the divider's resistor or the gain, so that the whole range of angles fits",
     shown_in=("levels",),
-    neutral={"ceiling_deg": 120.0, "knee_deg": 0.1},
+    neutral={"ceiling_deg": 360.0, "knee_deg": 0.1},
 )
 
 

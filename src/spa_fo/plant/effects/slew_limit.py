@@ -19,7 +19,7 @@ EFFECT = Effect(
             "fastest rise of the pressure",
             centre=120.0,
             factor=3.0,
-            low=2.0,
+            low=0.02,
             high=3000.0,
             starts=(30.0, 70.0, 200.0),
         ),

@@ -1,4 +1,8 @@
-"""The restoring moment grows faster than the angle."""
+"""The restoring moment grows faster than the angle, or more slowly.
+
+A wall that straightens, or an opposing chamber, stiffens the actuator as it bends; one that
+balloons gives way.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +19,12 @@ EFFECT = Effect(
         amplitude(
             "fraction_at_60deg",
             "1",
-            "extra restoring moment at 60°, as a share of the elastic one",
+            "extra restoring moment at 60°, of the elastic one; negative where it softens",
             spread=0.08,
-            high=2.0,
+            low=-100.0,
+            high=100.0,
             start=0.05,
+            goes_with=(-2.2, 0.0),
         ),
         shape(
             "exponent",
@@ -31,7 +37,7 @@ EFFECT = Effect(
         ),
     ),
     name="stiffening of the actuator",
-    means="the restoring moment grows faster than the angle",
+    means="the restoring moment grows faster than the angle, or more slowly where it softens",
     remedy="keep it in the model: it belongs to the material and the shape",
     shown_in=("levels",),
 )
@@ -41,6 +47,13 @@ _REFERENCE = math.radians(60.0)
 
 @njit
 def stiffening_moment(angle: float, fraction: float, exponent: float) -> tuple[float, float]:
-    """Moment (rad) of the part that grows as a power of the angle, and its slope."""
+    """Moment (rad) of the part that grows as a power of the angle, and its slope.
+
+    One that softens does so to first order alike; with the elastic part it rises to any angle, so
+    that there is one angle to each load.
+    """
     part = fraction * (abs(angle) / _REFERENCE) ** exponent
-    return part * angle, part * (1.0 + exponent)
+    if part >= 0.0:
+        return part * angle, part * (1.0 + exponent)
+    left = (1.0 - exponent * part) ** (-1.0 / exponent)
+    return (left - 1.0) * angle, left / (1.0 - exponent * part) - 1.0

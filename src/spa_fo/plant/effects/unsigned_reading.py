@@ -1,7 +1,8 @@
 """The reading is the size of a rotation: never negative, and a tilt across adds to it.
 
 Motion capture and inertial sensors often log the angle of one rotation, or a norm of several. Seen
-in the logs of a three-chamber arm, which read 2 to 9 deg at rest.
+in the logs of a three-chamber arm (zhiqiao0256/Soft-Arm-SMART-Controller-), which read 2 to 9 deg
+at rest.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ EFFECT = Effect(
             "rotation across, which is in the reading too",
             centre=2.0,
             factor=2.5,
-            low=0.05,
-            high=40.0,
+            low=0.005,
+            high=120.0,
         ),
     ),
     name="reading without a sign",
