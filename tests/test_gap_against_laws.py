@@ -101,20 +101,13 @@ def test_what_goes_with_the_order_of_the_trials_may_be_their_scatter(laws: Any) 
     assert against_laws(verdict, EXAMINED) == verdict
 
 
-def test_what_only_single_rigs_show_explains_what_is_not_known(laws: Any) -> None:
-    laws(NATS - 100.0 / SETTINGS.temper)
-    assert against_laws(answer(("creep",)), EXAMINED).kind == "cause"
-    held = against_laws(answer(("opening_fold",)), EXAMINED)
-    assert (held.kind, held.sets) == ("unknown", (("opening_fold",),))
-
-
 def test_between_two_campaigns_what_is_rare_is_a_cause_by_itself() -> None:
     alone = answer(("opening_fold",))
-    assert alone_if_rare(alone, EXAMINED) == alone
-    held = alone_if_rare(answer(("creep", "opening_fold")), EXAMINED)
+    assert alone_if_rare(alone) == alone
+    held = alone_if_rare(answer(("creep", "opening_fold")))
     assert (held.kind, held.sets) == ("unknown", (("creep", "opening_fold"),))
     both = answer(("creep", "leak"))
-    assert alone_if_rare(both, EXAMINED) == both
+    assert alone_if_rare(both) == both
 
 
 @pytest.mark.parametrize("kind", ["no_gap", "unknown"])

@@ -135,18 +135,6 @@ def test_a_slow_interference_is_found_beside_another_effect(clean: CampaignData)
     assert best.logs.max() > max(f.logs.max() for f in alone) + 12.0
 
 
-def test_fits_with_fewer_effects_are_kept(clean: CampaignData, lagged: Explanations) -> None:
-    others = tuple(name for name in OTHERS if name != "sensor_creep")
-    bench = bench_of(lagging(clean))
-    again, anew = explain(bench, others, lagged.fits), explain(bench, others)
-    kept = {ids for ids in again.fits if ids in lagged.fits and "mains_pickup" not in ids}
-    assert all(again.fits[ids].quick == lagged.fits[ids].quick for ids in kept)
-    assert len(kept) < len(again.fits)
-    best, other = (max(e.fits.values(), key=lambda f: f.logs.max()) for e in (again, anew))
-    assert best.ids == other.ids
-    assert best.logs.max() == pytest.approx(other.logs.max(), abs=0.1)
-
-
 def test_no_explanation_holds_two_effects_that_are_rare(clean: CampaignData) -> None:
     few = ("sensor_lag", "gain_growth", "pressure_set")
     found = explain(bench_of(lagging(clean)), tuple(n for n in IDS if n not in few))

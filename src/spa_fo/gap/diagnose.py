@@ -38,7 +38,7 @@ from spa_fo.gap.places.missing import Missing, find_missing, law_finding
 from spa_fo.gap.plan.next_steps import in_words, next_steps
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, read_model, write_model
-from spa_fo.plant.effects.library import COMMONEST, LIBRARY, tried_late
+from spa_fo.plant.effects.library import COMMONEST, LIBRARY
 from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.plant.nominal_drive import driven_by
 from spa_fo.rig import CampaignData, read_campaign, read_trials
@@ -128,15 +128,7 @@ def diagnose(
         What is to be expected beside the bench's own noise.
     """
     use_effects_of(data.campaign.folder)
-    kept = tuple(name for name in tried_late(data.trials) if name not in excluded)
-    answer = _answered(data, plain, (*excluded, *kept), seed, progress, beyond)
-    # What is rare is a likely answer to what changed: a sensor that came off, a reading that froze.
-    changed = beyond is not None and answer[-1].kind != "no_gap"
-    if kept and (changed or answer[-1].kind == "unknown"):
-        progress("trying what is rare, too")
-        further = _answered(data, plain, excluded, seed, progress, beyond, answer[0])
-        named = further[-1].kind in ("cause", "ambiguous")
-        answer = further if changed and named else max(answer, further, key=_explains)
+    answer = _answered(data, plain, excluded, seed, progress, beyond)
     (examined, claimed, verdict), missing = _with_laws(answer, seed, progress)
     everything, floor, nominal = examined.everything, examined.floor_deg, examined.nominal
     noise, curves, measured = examined.found.bench.noise, claimed.curves, everything.grid.angle_deg
@@ -159,7 +151,7 @@ def diagnose(
         material=data.campaign.material,
         provenance=data.campaign.provenance.kind,
         seed=seed,
-        excluded=tuple(name for name in examined.excluded if name not in kept),
+        excluded=examined.excluded,
         gap=Gap(
             rmse_deg=rmse(everything, curves["plain"], np.ones(measured.size, dtype=bool)),
             noise_floor_deg=floor,
@@ -191,13 +183,6 @@ def diagnose(
     )
 
 
-def _explains(answer: Answer) -> tuple[bool, float]:
-    """Whether an answer names a cause, and what its first set closes of the gap."""
-    _, claimed, verdict = answer
-    closed = claimed.closed.get(verdict.sets[0], 0.0) if verdict.sets else 0.0
-    return verdict.kind in ("cause", "ambiguous"), closed
-
-
 def _answered(
     data: CampaignData,
     plain: Model,
@@ -205,11 +190,10 @@ def _answered(
     seed: int,
     progress: Progress,
     beyond: Beyond | None,
-    earlier: Examined | None = None,
 ) -> Answer:
-    """Answer without some effects, held against the trials that took no part."""
+    """Answer, held against the trials that took no part."""
     rng = np.random.default_rng(seed)
-    examined = examine(data, plain, excluded, rng, progress, beyond, earlier)
+    examined = examine(data, plain, excluded, rng, progress, beyond)
     progress("predicting trials that took no part")
     claimed = claim(examined, examined.verdict, rng)
     verdict = held_to(examined.verdict, claimed)
@@ -219,7 +203,7 @@ def _answered(
         if times_expected(examined, claimed.curves["plain"]) > CLEARLY:
             verdict = too_large_for_none(verdict)
     else:
-        verdict = alone_if_rare(verdict, examined)
+        verdict = alone_if_rare(verdict)
         verdict = beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)

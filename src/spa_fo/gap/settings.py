@@ -88,8 +88,10 @@ class Settings:
         "learned",
         "power of the tempered evidence; 0.1 to 1 moves little",
     )
-    none: float = _number(0.4, "probability", "assumed", "prior of no gap: hardly less than of one")
-    single: float = _number(0.42, "probability", "assumed", "prior of one effect")
+    none: float = _number(
+        0.5, "probability", "learned", "prior of no gap: even; 0.45 to 0.55 serves as well"
+    )
+    single: float = _number(0.35, "probability", "assumed", "prior of one effect")
     unknown: float = _number(
         0.3, "odds", "learned", "prior: a set compensates for another cause, against it is right"
     )

@@ -35,14 +35,6 @@ def stuck(campaign: Campaign, trials: Sequence[Trial]) -> Iterator[str]:
         yield from _of("pressure", "kPa", "the command", pressed)
 
 
-def angle_stands(trials: Sequence[Trial]) -> bool:
-    """Say whether an angle repeats one value for long in a trial while what bends it moves."""
-    moved = ((trial, _mover(trial)) for trial in trials)
-    return any(
-        u is not None and _longest(trial.t_s, trial.angle_deg, u) is not None for trial, u in moved
-    )
-
-
 def _mover(trial: Trial) -> Floats | None:
     return trial.command_kpa if trial.pressure_kpa is None else trial.pressure_kpa
 

@@ -3,8 +3,7 @@
 A free-form law says what one unknown effect could do at its place in the chain. Beforehand it is as
 probable as one effect, by the odds of an unknown cause, and nobody knows its place. So it hardly
 beats a single effect that is right, but it does beat what compensates for an effect that the
-library lacks, often several together. What only single rigs show is no more probable than that: it
-is named as what explains the gap while the cause is unknown.
+library lacks, often several together.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.explanations import WORTH_WEIGHING
 from spa_fo.gap.search.fitted import HOPE, price
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, log_odds, tried_late
+from spa_fo.plant.effects.library import LIBRARY, log_odds, rare
 
 
 def against_laws(verdict: Verdict, examined: Examined) -> Verdict:
@@ -31,16 +30,21 @@ def against_laws(verdict: Verdict, examined: Examined) -> Verdict:
     if verdict.kind not in ("cause", "ambiguous"):
         return verdict
     first = verdict.of(verdict.sets[0])
-    more = max(_laws(first, examined), _others_as_rare(first, examined))
-    return _with_unknown(verdict, first, float(np.exp(min(more, 100.0))))
+    more = float(np.exp(min(_laws(first, examined), 100.0)))
+    return _with_unknown(verdict, first, more)
 
 
-def alone_if_rare(verdict: Verdict, examined: Examined) -> Verdict:
-    """Let a rare effect be a cause only by itself, as it may be of a change."""
-    if verdict.kind not in ("cause", "ambiguous") or len(verdict.sets[0]) < 2:
+def alone_if_rare(verdict: Verdict) -> Verdict:
+    """Let a rare effect be the cause of a change only by itself.
+
+    Beside another it is no more probable than an unknown cause that does the same.
+    """
+    if verdict.kind not in ("cause", "ambiguous"):
         return verdict
     first = verdict.of(verdict.sets[0])
-    return _with_unknown(verdict, first, float(np.exp(_others_as_rare(first, examined))))
+    if len(first.named) < 2 or not any(map(rare, first.named)):
+        return verdict
+    return _with_unknown(verdict, first, SETTINGS.unknown / float(np.exp(log_odds(first.named))))
 
 
 def _laws(first: Scored, examined: Examined) -> float:
@@ -64,14 +68,6 @@ def _laws(first: Scored, examined: Examined) -> float:
     one = log_prior(tuple(LIBRARY)[:1]) + np.log(SETTINGS.unknown / len(laws))
     law = one + logsumexp([standing(fit.logs + told) for fit in laws])
     return float(law - name)
-
-
-def _others_as_rare(first: Scored, examined: Examined) -> float:
-    """Say how probable another effect is that does what a rare one does, logarithm of the ratio."""
-    late = tried_late(examined.everything.data.trials)
-    if not set(first.named) & set(late):
-        return -np.inf
-    return float(np.log(SETTINGS.unknown) - log_odds(first.named))
 
 
 def _with_unknown(verdict: Verdict, first: Scored, times: float) -> Verdict:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,6 @@ from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.interference import NONE, fast_line
 from spa_fo.gap.search.drive import Drive, examine_drive, joined
 from spa_fo.gap.search.explanations import Explanations, explain
-from spa_fo.gap.search.fitted import Fitted
 from spa_fo.plant import Model
 from spa_fo.plant.effects.library import LIBRARY, at_port
 from spa_fo.rig import CampaignData
@@ -57,12 +56,10 @@ def examine(
     rng: np.random.Generator,
     progress: Progress = silent,
     beyond: Beyond | None = None,
-    earlier: Examined | None = None,
 ) -> Examined:
     """Fit and weigh every explanation; for the parameters see `diagnose`.
 
-    `rng` chooses the trials that are held out. What was fitted `earlier`, with fewer effects
-    and the same trials, stays as it is.
+    `rng` chooses the trials that are held out.
     """
     check_driven(plain, data)
     by_command = data.campaign.command_is_pressure
@@ -96,7 +93,7 @@ def examine(
     def explained() -> Explanations:
         kpa = None if drive is None else drive.pressure_kpa
         bench = bench_for(evidence, given, own, kpa, beyond, error_deg)
-        return explain(bench, excluded, _known(earlier, kpa))
+        return explain(bench, excluded)
 
     found = explained()
     if drive is not None:
@@ -116,14 +113,3 @@ def examine(
         drive_floor = expected_kpa * drive.per_kpa_deg
     verdict = decide(found, drive, fast, evidence, floor, drive_floor)
     return Examined(everything, held, given, excluded, drive, found, verdict, floor, nominal)
-
-
-def _known(earlier: Examined | None, pressure_kpa: Floats | None) -> Mapping[Ids, Fitted]:
-    """Give the fits of an earlier search, where the same pressure drove them."""
-    if earlier is None:
-        return {}
-    before = None if earlier.drive is None else earlier.drive.pressure_kpa
-    alike = before is pressure_kpa
-    if before is not None and pressure_kpa is not None:
-        alike = np.array_equal(before, pressure_kpa)
-    return earlier.found.fits if alike else {}

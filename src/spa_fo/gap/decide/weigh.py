@@ -31,7 +31,7 @@ from spa_fo.gap.search.drive import Drive, DriveFit
 from spa_fo.gap.search.explanations import WORTH_WEIGHING, Explanations
 from spa_fo.gap.search.fitted import Fitted, price
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port, log_odds, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -47,7 +47,8 @@ def _stands_in(ids: Ids = ()) -> float:
     pairs than single effects: of a second one a part of the price is paid, too.
     """
     one, two = (log_prior(tuple(LIBRARY)[:count]) for count in (1, 2))
-    return one if len(ids) < 2 else one + SETTINGS.stands_in * (two - one)
+    # What a rare effect stands in for is as rare.
+    return log_odds(ids) + (one if len(ids) < 2 else one + SETTINGS.stands_in * (two - one))
 
 
 def _with_one_more(ids: Ids) -> float:
@@ -358,6 +359,6 @@ def _of_line(fast: Line, floor_deg: float) -> dict[Ids, float]:
     name = at_port("line")
     if name is None or fast.gain <= 0.0 or rms < SETTINGS.moves * quiet:
         return {(): 1.0}
-    log_odds = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
-    there = float(expit(np.clip(log_odds, -50.0, 50.0)))
+    nats = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
+    there = float(expit(np.clip(nats, -50.0, 50.0)))
     return {(): 1.0 - there, (name,): there}

@@ -28,6 +28,7 @@ from spa_fo.plant.lawful import TooSteep, with_law
 Floats = NDArray[np.float64]
 
 _STEP = 0.02  # of what a law is beforehand, for a slope
+_MOST = 30.0  # times that: what is larger moves nothing, as the rest takes it back
 
 
 class LawProblem(AngleProblem):
@@ -45,7 +46,7 @@ class LawProblem(AngleProblem):
         super().__init__(own, base.ids, base.changed)
         self.group = np.append(self.group, np.full(basis.size, self.scales.size))
         self.variance = np.append(self.variance, np.ones(basis.size))
-        self.scales, self.most = np.append(self.scales, scale), np.append(self.most, np.inf)
+        self.scales, self.most = np.append(self.scales, scale), np.append(self.most, _MOST * scale)
         self.strength = np.append(self.strength, WEAK)
 
     def tangents(self, z: Floats) -> Floats:

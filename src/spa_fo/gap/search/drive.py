@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +92,7 @@ def _best(fits: Mapping[Ids, DriveFit]) -> DriveFit:
 def examine_drive(
     evidence: Evidence, excluded: Sequence[str], x: Floats, beyond: Spectrum | None = None
 ) -> Drive:
-    """Explain the measured pressure: no effect, every single one, and pairs of the best.
+    """Explain the measured pressure: no effect, every single one, and pairs with the best.
 
     Parameters
     ----------
@@ -131,7 +130,9 @@ def examine_drive(
         ranked = sorted(names, key=lambda n: -float(fits[(n,)].evidence.max()))
         pairs = [
             ordered((one, other))
-            for one, other in combinations(ranked[:_PAIRED], 2)
+            for place, one in enumerate(ranked[:_PAIRED])
+            # What is small beside the best may have been nothing by itself.
+            for other in ranked[place + 1 : None if place == 0 else _PAIRED]
             if beside((one,), (other,))
         ]
         fits |= {f.ids: f for f in each(together, pairs)}

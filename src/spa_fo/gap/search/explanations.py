@@ -8,7 +8,7 @@ best pair is worth it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,9 +145,7 @@ def _first(shown: Sequence[Shown], count: int) -> list[str]:
     return list(dict.fromkeys(s.name for s in shown))[:count]
 
 
-def explain(
-    bench: Bench, excluded: Sequence[str] = (), known: Mapping[Ids, Fitted] | None = None
-) -> Explanations:
+def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     """Fit every explanation that may win.
 
     Parameters
@@ -156,12 +154,9 @@ def explain(
         The campaign; how large its gap is need not be known.
     excluded : sequence of str
         Effects that the library is to lack.
-    known : mapping, optional
-        Fits of this campaign, under the same pressure, with fewer effects: they stay as they are.
     """
-    known = {} if known is None else known
     bench = _gap_known(bench)
-    plain = known[()] if () in known else fit(bench, (), bench.starts)
+    plain = fit(bench, (), bench.starts)
     linear, chained = _to_try(bench, excluded)
     again = at_port("coefficients", excluded)
     shown = screen(bench, plain, chained)
@@ -169,14 +164,14 @@ def explain(
     alone += [((n,), _points(shown, n)) for n in _first(shown, _SINGLES)]
     if again is not None and not bench.own:
         alone.append(((again,), [plain.z]))
-    fits = {(): plain} | _fits(bench, alone, plain, plain, known, least=_HOSTS)
+    fits = {(): plain} | _fits(bench, alone, plain, plain, least=_HOSTS)
     allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
     hosts = sorted(allowed, key=lambda f: -_worth(f))[:_HOSTS]
-    pairs = _beside(bench, hosts, chained, linear, plain, known)
+    pairs = _beside(bench, hosts, chained, linear, plain)
     fits |= pairs
     top = max(pairs.values(), key=_worth, default=plain)
     if hosts and SETTINGS.temper * (_worth(top) - _worth(hosts[0])) > further_price():
-        fits |= _three(bench, top, chained, linear, fits | dict(known), plain)
+        fits |= _three(bench, top, chained, linear, fits, plain)
     bench, fits, line = _with_line(bench, fits, excluded)
     best = max(f.quick for f in fits.values())
     near = [f for f in fits.values() if f.quick > best - WORTH_WEIGHING or not f.ids]
@@ -192,7 +187,6 @@ def _beside(
     chained: Sequence[str],
     linear: Sequence[str],
     plain: Fitted,
-    known: Mapping[Ids, Fitted],
 ) -> dict[Ids, Fitted]:
     """Fit one effect more beside each host: those that a score test shows, and the linear ones."""
     more: dict[Ids, list[Floats]] = {}
@@ -204,7 +198,7 @@ def _beside(
             if name not in host.ids:
                 more.setdefault(ordered((*host.ids, name)), [host.z])
     best = max(hosts, key=lambda f: f.quick, default=plain)
-    return _fits(bench, list(more.items()), plain, best, known)
+    return _fits(bench, list(more.items()), plain, best)
 
 
 def _fits(
@@ -212,7 +206,6 @@ def _fits(
     wanted: Sequence[tuple[Ids, list[Floats]]],
     plain: Fitted,
     best: Fitted,
-    known: Mapping[Ids, Fitted],
     least: int = 0,
 ) -> dict[Ids, Fitted]:
     """Fit explanations roughly, and to their end those that may still be worth weighing.
@@ -227,17 +220,12 @@ def _fits(
         The plain model's fit.
     best : Fitted
         The best fit so far.
-    known : mapping
-        Fits that stay as they are.
     least : int
         How many of the best are fitted to their end in any case, besides a shift of the parameters.
     """
-    done = {ids: known[ids] for ids, _ in wanted if ids in known}
-    rough = each(
-        lambda a: begun(bench, a[0], a[1], plain), [a for a in wanted if a[0] not in known]
-    )
+    rough = each(lambda a: begun(bench, a[0], a[1], plain), wanted)
     ranked = sorted(rough, key=lambda f: -f.quick)
-    highest = max([best.quick, *(f.quick for f in ranked), *(f.quick for f in done.values())])
+    highest = max([best.quick, *(f.quick for f in ranked)])
     again = at_port("coefficients")
     worth = [
         f
@@ -247,7 +235,7 @@ def _fits(
         or f.quick + HOPE * f.decrement > highest - WORTH_WEIGHING
     ]
     ended = each(lambda f: settled(bench, f, plain), worth)
-    return done | {f.ids: f for f in rough} | {f.ids: f for f in ended}
+    return {f.ids: f for f in rough} | {f.ids: f for f in ended}
 
 
 def _three(
@@ -259,7 +247,7 @@ def _three(
     plain: Fitted,
 ) -> dict[Ids, Fitted]:
     """Fit a third effect beside a pair, and the other pairs of what does best."""
-    found = _beside(bench, [pair], chained, linear, plain, fits)
+    found = _beside(bench, [pair], chained, linear, plain)
     best = max(found.values(), key=_worth, default=pair)
     if SETTINGS.temper * (_worth(best) - _worth(pair)) > further_price():
         fewer = [tuple(n for n in best.ids if n != name) for name in best.ids]
