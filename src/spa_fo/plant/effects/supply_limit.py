@@ -1,8 +1,8 @@
 """The pressure stops rising at the supply's own, or at the regulator's largest.
 
-Seen in the ramps of a three-chamber arm (zhiqiao0256/Soft-Arm-SMART-Controller-), whose regulator
-follows to 29.7 psi of a command of 33. A pressure sensor at the top of its range looks the same in
-the pressure alone; then the angle goes on.
+A pressure sensor at the top of its range looks the same in the pressure alone; then the angle goes
+on. Not seen in the logs at hand: the ramps of a three-chamber arm
+(zhiqiao0256/Soft-Arm-SMART-Controller-), which reach 29.7 psi of 33, lack a tenth all along.
 """
 
 from __future__ import annotations
