@@ -92,9 +92,9 @@ STAIRS = tuple(
     whole(f"staircase_{n}", f"arm_open_loop/random_staircase_rep{n}", ARM, (3.0, 2.2), 100.0)
     for n in (1, 2)
 )
-SPECIMENS = tuple(
+OLD, NEW, AGAIN = (
     whole(f"staircase_{which}", f"pneunet/staircase_{which}", PNEUNET, (0.0, 0.3), 10.0)
-    for which in ("old_01", "new_07")
+    for which in ("old_01", "new_07", "new_08")
 )
 # Command and pressure alone: pulses 0 (or 1) to 25 psi at three rates, and two of a regulator.
 PRESSURE_ALONE = Columns("psi", None, "pressure_p1_psi", "command_p1_psi", "command_p1_psi")
@@ -126,6 +126,7 @@ WEIGHT = "200 g at the tip"
 LOOSER, LIGHTER = f"the reverse: {STIFFER}", f"the reverse: {WEIGHT}"
 CLIMB = "conditioning: the settled angle climbs from 89.5 to 104°"
 AT_CEILING = "the reading ends at 181 to 186°, and the commands are larger"
+SAME = f"{NOTHING}, as far as is known; the stairs last longer in one"
 OTHER_RATE = f"{NOTHING}; 0.1 and 1 Hz, and the regulator vents faster when fully open"
 OTHER_REST = f"{NOTHING}; down to 1 psi it vents slower than to 0"
 ACTUATOR, SENSOR = ("actuator",), ("sensor",)
@@ -134,9 +135,11 @@ PAIRS = (
     Pair("bias 1 to 0 psi", LOOSER, ACTUATOR, (BIAS[1], 0), (BIAS[0], 0)),
     Pair("no load to 200 g", WEIGHT, ACTUATOR, (LOADED[0], 0), (LOADED[1], 0)),
     Pair("200 g to no load", LIGHTER, ACTUATOR, (LOADED[1], 0), (LOADED[0], 0)),
-    Pair("old to new PneuNet", "another specimen", ACTUATOR, (SPECIMENS[0], 0), (SPECIMENS[1], 0)),
+    Pair("old to new PneuNet", "another specimen", ACTUATOR, (OLD, 0), (NEW, 0)),
     Pair("first to later pulses", CLIMB, ACTUATOR, (CONDITIONED, 0), (CONDITIONED, 1)),
     Pair("steps to 170 and 210°", AT_CEILING, SENSOR, (BY_NAME["pneunet"], 0), (CEILING, 0)),
+    Pair("new PneuNet, once and again", SAME, (), (NEW, 0), (AGAIN, 0)),
+    Pair("new PneuNet, again and once", SAME, (), (AGAIN, 0), (NEW, 0)),
     Pair("random staircases", f"{NOTHING}; the levels differ", (), (STAIRS[0], 0), (STAIRS[1], 0)),
     repeated("ramp", 0, 1),
     repeated("ramp", 1, 0),

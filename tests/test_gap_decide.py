@@ -11,6 +11,7 @@ from spa_fo.gap.decide.verdict import Scored, judge, stage_shares
 from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import log_odds
 
 GAP_DEG, FLOOR_DEG = 4.0, 0.5
 
@@ -231,6 +232,12 @@ def test_a_pair_that_stands_in_pays_half_the_price_of_the_second():
     assert weigh._stands_in(("creep",)) == weigh._stands_in() == pytest.approx(one)
     for ids in (("creep", "leak"), ("creep", "leak", "line_lag")):
         assert weigh._stands_in(ids) == pytest.approx(0.5 * (one + two))
+
+
+def test_what_a_rare_effect_stands_in_for_is_as_rare():
+    rarer = log_odds(("gain_growth",))
+    assert rarer < 0.0
+    assert weigh._stands_in(("gain_growth",)) == pytest.approx(weigh._stands_in() + rarer)
 
 
 def test_of_effects_that_stand_in_for_each_other_one_is_named():

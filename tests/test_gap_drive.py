@@ -15,7 +15,7 @@ from spa_fo.plant.effects.library import LIBRARY, rare
 from spa_fo.plant.memory import FINEST_STEP_S
 
 NOISE_KPA = 0.1
-RARE = tuple(filter(rare, LIBRARY))  # tried where these do not do
+RARE = tuple(filter(rare, LIBRARY))
 
 
 def driven(delays_s, levels_kpa=(SIXTY,), leak_per_s=0.0, step_kpa=0.0):
@@ -121,6 +121,14 @@ def test_what_repeats_differ_by_is_no_effect_of_the_drive():
     for one in (found, alike):
         assert one.best.ids[:1] == ("dead_time",)
         assert one.best.evidence[0] > one.best.evidence.max() - 50.0
+
+
+def test_the_best_effect_of_the_pressure_has_every_other_beside_it():
+    found = examine_drive(driven([0.1, 0.1]), (), X)
+    names = [n for n, e in LIBRARY.items() if e.stage == "drive"]
+    best = max(names, key=lambda n: found.fits[(n,)].evidence.max())
+    others = {n for n in names if n != best and not (rare(n) and rare(best))}
+    assert {n for ids in found.fits if best in ids for n in ids} == {best, *others}
 
 
 def test_no_explanation_of_the_pressure_holds_two_effects_that_are_rare():

@@ -2,9 +2,9 @@
 
 What a document asks for is read by `asked`; `programme` draws what is tried, `doses` an effect
 (one of `foreign_effects`, of `measured_effects`, of `further_effects` with `reading_effects`, or of
-the contract's), and `sizing` finds the
-amplitude that makes it as large as is asked. `campaign` runs all that on a bench (`station`), adds
-`noise`, converts (`channel`) and writes `logs`. `case` puts it together.
+the contract's), and `sizing` finds the amplitude that makes it as large as is asked. `campaign`
+runs all that on a bench (`station`), adds `noise`, converts (`channel`) and writes `logs`. `case`
+puts it together.
 """
 
 from collections.abc import Mapping

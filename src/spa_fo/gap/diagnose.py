@@ -180,6 +180,7 @@ def diagnose(
         model=model,
         next_steps=steps,
         laws=tuple(replace(law, carried=law.place in carried) for law in missing.laws),
+        reach=everything.reach,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.plant import Model
+from spa_fo.plant.effects.effect import Reach
 from spa_fo.plant.law import PLACES
 
 Floats = NDArray[np.float64]
@@ -188,6 +189,7 @@ class Diagnosis:
     model: Model  # augmented; the plain one where nothing is explained
     next_steps: tuple[Step, ...] = ()  # most telling first
     laws: tuple[LawFound, ...] = ()  # where the cause is unknown, the most probable first
+    reach: Reach = field(default_factory=Reach)  # how far the rig goes
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of diagnosis.json."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from spa_fo.gap.diagnosis import Cause, Diagnosis
-from spa_fo.plant.effects.effect import Parameter
+from spa_fo.plant.effects.effect import Parameter, Reach
 from spa_fo.report.causes import named
 from spa_fo.report.effect_words import parameter_words, phrase, words_of
 
@@ -62,10 +62,10 @@ def listed(diagnosis: Diagnosis) -> list[Cause]:
     ]
 
 
-def entries(cause: Cause) -> list[Entry]:
-    """List the parameters of an explanation."""
+def entries(cause: Cause, reach: Reach) -> list[Entry]:
+    """List the parameters of an explanation on a rig of a reach."""
     return [
-        _entry(effect, name, fitted)
+        _entry(effect, name, fitted, reach)
         for effect, parameters in cause.parameters.items()
         for name, fitted in parameters.items()
     ]
@@ -77,7 +77,7 @@ def meanings(causes: Sequence[Cause]) -> Iterator[tuple[str, str]]:
         yield phrase((effect,)), words_of(effect).means
 
 
-def _entry(effect: str, name: str, fitted: Mapping[str, Any]) -> Entry:
+def _entry(effect: str, name: str, fitted: Mapping[str, Any], reach: Reach) -> Entry:
     words, unit = parameter_words(effect, name)
     ci95 = fitted.get("ci95")
     form = next((p for p in words_of(effect).parameters if p.name == name), None)
@@ -87,7 +87,7 @@ def _entry(effect: str, name: str, fitted: Mapping[str, Any]) -> Entry:
         value=number(fitted["value"]),
         interval="" if ci95 is None else " to ".join(number(end) for end in ci95),
         unit=unit,
-        typical="about 1" if form is None else typical(form),
+        typical="about 1" if form is None else typical(form.at(reach)),
         means=words_of(effect).meanings.get(name, ""),
     )
 

@@ -111,7 +111,7 @@ def _degrees(error: float | None) -> str:
 def parameter_tables(diagnosis: Diagnosis) -> Iterator[str]:
     """Lay out the parameters of the explanations that count, one a row, a table each."""
     for cause in listed(diagnosis):
-        rows = [entry.cells for entry in entries(cause)]
+        rows = [entry.cells for entry in entries(cause, diagnosis.reach)]
         if rows:
             yield f"**{phrase(cause.set, ' + ')}** ({percent(cause.probability)}):"
             yield _table(HEAD, rows, ":--|:--|--:|:--:|:--|:--|:--")

@@ -29,7 +29,7 @@ _TIMING_S = 0.003  # error of one sample's time
 _RATE_OVER_S = 0.12
 _CURVE_FLOOR_DEG = 0.08
 _NEAR_S = 0.4
-_TOP = 0.99  # quantile: what a few samples read is no reach
+_TOP = 0.99  # quantile
 _SHORTEST = 0.01  # of the usual reach: a campaign of noise alone has some, too
 _ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
 _HATS = make_interp_spline(CURVE_KNOTS_DEG, np.eye(len(CURVE_KNOTS_DEG)), k=1)
@@ -61,9 +61,9 @@ class Evidence:
         grid = self.grid
         kpa = grid.pressure_kpa if grid.command_kpa is None else grid.command_kpa
         assert kpa is not None
-        angle, pressure = (
-            float(np.quantile(np.abs(values), _TOP)) for values in (grid.angle_deg, kpa)
-        )
+        # Of each trial what is reached but for a moment, which may be a dropout.
+        angle = max(float(np.quantile(np.abs(t.angle_deg), _TOP)) for t in grid.trials)
+        pressure = float(np.abs(kpa).max())
         return Reach(
             max(angle, _SHORTEST * USUAL_DEG) / USUAL_DEG,
             max(pressure, _SHORTEST * USUAL_KPA) / USUAL_KPA,

@@ -4,7 +4,7 @@ An explanation is right where it leaves a small share of the gap, and stands in 
 where it leaves more. With L(s) the evidence where it misses a share s,
 
     right:    prior · max_s L(s)^T e^{-s/s_r} / Σ_s e^{-s/s_r},
-    unknown:  odds · one effect's prior · Σ_s L(s)^T / n,
+    unknown:  odds · one effect's prior · the set's own odds · Σ_s L(s)^T / n,
 
 the first over all shares, those too small to matter counting as none; the second over those that
 matter: a set of two or more that stands in for one unknown effect pays a part of the price of the

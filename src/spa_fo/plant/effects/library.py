@@ -91,7 +91,7 @@ _FURTHER: tuple[Effect, ...] = (
     sensor_detachment.EFFECT,
     sensor_freeze.EFFECT,
 )
-"""What measured logs show beside the contract's, through the interface of one's own effects."""
+"""What measured logs show beside the contract's, or may show, as effects of one's own."""
 
 COMMONEST = hysteresis.EFFECT.id
 """What one hears most often about soft actuators: a baseline that always answers so."""

@@ -179,6 +179,10 @@ def _takes(function: Callable[..., Any], count: int) -> bool:
     return True
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
 def _wrong_of(parameter: Any) -> str:
     """Say what is wrong with a parameter; nothing where it is right."""
     if not isinstance(parameter, Parameter):
@@ -191,6 +195,11 @@ def _wrong_of(parameter: Any) -> str:
         return f"is {low:g} to {high:g} by {parameter.spread:g}; expected low < high, spread > 0"
     if parameter.log and not (low > 0.0 and parameter.centre > 0.0):
         return "is searched by its logarithm; expected positive bounds and centre"
+    if not low <= parameter.centre <= high:
+        return f"is centred at {parameter.centre:g}; expected {low:g} to {high:g}"
+    powers = (0.0, 0.0) if parameter.goes_with is None else parameter.goes_with
+    if not (isinstance(powers, tuple) and len(powers) == 2 and all(map(_is_number, powers))):
+        return "goes with what is no pair of numbers; expected powers of angle and pressure"
     if not parameter.starts or not all(low <= start <= high for start in parameter.starts):
         return f"expected starts from {low:g} to {high:g}"
     return ""

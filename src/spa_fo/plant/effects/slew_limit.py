@@ -20,7 +20,7 @@ EFFECT = Effect(
             centre=120.0,
             factor=3.0,
             low=0.02,
-            high=3000.0,
+            high=30000.0,
             starts=(30.0, 70.0, 200.0),
         ),
         shape(
@@ -45,7 +45,7 @@ EFFECT = Effect(
     name="slew limit of the drive",
     means="the pump changes the pressure at a limited rate only",
     remedy="command ramps the pump can follow, or fit a faster pump",
-    neutral={"rise_kpa_s": 3000.0, "fall_ratio": 1.0, "approach_s": 0.005},
+    neutral={"rise_kpa_s": 30000.0, "fall_ratio": 1.0, "approach_s": 0.005},
 )
 
 

@@ -20,7 +20,6 @@ EFFECT = Effect(
             spread=0.1,
             high=0.6,
             start=0.05,
-            goes_with=(0.0, -1.0),
         ),
         shape(
             "recovery_s",

@@ -1,0 +1,79 @@
+"""What is plausible of an effect goes with how far a rig goes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plant_cases import SIXTY, campaign_data, step_release, trials
+from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, Reach, amplitude, shape
+from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.report.glossary import typical
+
+TURN = shape("turn_deg", "deg", centre=20.0, factor=2.0, low=1.0, high=90.0, starts=(10.0, 40.0))
+PLAY = amplitude("play_kpa", "kPa", spread=2.0, high=30.0, start=1.0)
+
+
+def test_degrees_go_with_the_angle_and_kpa_with_the_pressure() -> None:
+    turn, play = (each.at(Reach(0.5, 3.0)) for each in (TURN, PLAY))
+    assert (turn.centre, turn.starts, turn.spread) == (10.0, (5.0, 20.0), TURN.spread)
+    assert (play.centre, play.starts, play.spread) == (0.0, (3.0,), 6.0)
+    assert (turn.low, turn.high, play.high) == (1.0, 90.0, 30.0)
+    lag = amplitude("lag_s", "s", spread=0.1, high=3.0, start=0.1)
+    assert lag.at(Reach(0.1, 10.0)) == lag
+
+
+def test_powers_of_its_own_stand_before_the_unit() -> None:
+    growth = LIBRARY["gain_growth"].parameters[0]
+    assert growth.at(Reach(0.2, 5.0)).spread == pytest.approx(growth.spread / 5.0)
+    assert replace(PLAY, goes_with=(0.0, 0.0)).at(Reach(2.0, 9.0)).spread == PLAY.spread
+
+
+@given(st.floats(0.01, 10.0), st.floats(0.01, 100.0))
+def test_centres_and_starts_stay_within_bounds(angle: float, pressure: float) -> None:
+    for effect in LIBRARY.values():
+        for parameter in effect.parameters:
+            there = parameter.at(Reach(angle, pressure))
+            assert there.spread > 0.0
+            assert all(there.low <= v <= there.high for v in (there.centre, *there.starts))
+
+
+def reaching(angle: float = 1.0, pressure: float = 1.0, kpa: float = SIXTY) -> Evidence:
+    """Make a campaign of a step whose angle and pressure are scaled."""
+    own = tuple(
+        replace(
+            trial,
+            angle_deg=angle * np.interp(trial.t_s, [1.0, 2.0], [0.0, 40.0]),
+            command_kpa=pressure * trial.command_kpa,
+        )
+        for trial in trials(step_release(kpa), step_release(0.5 * kpa))
+    )
+    return collect(campaign_data(own))
+
+
+def test_a_campaign_reaches_its_largest_angle_and_pressure() -> None:
+    reach = reaching().reach
+    assert reach.angle == pytest.approx(40.0 / USUAL_DEG, rel=0.01)
+    assert reach.pressure == pytest.approx(SIXTY / USUAL_KPA)
+    further = reaching(angle=3.0, pressure=0.1).reach
+    assert further.angle == pytest.approx(3.0 * reach.angle, rel=0.01)
+    assert further.pressure == pytest.approx(0.1 * reach.pressure)
+
+
+def test_a_short_pulse_counts_and_a_dropout_does_not() -> None:
+    (trial,) = trials(step_release(SIXTY))
+    pulse = np.where((trial.t_s > 2.0) & (trial.t_s < 2.1), SIXTY, 0.0)
+    angle = np.where(np.arange(trial.t_s.size) == 300, 500.0, 0.1 * trial.t_s)
+    found = collect(campaign_data((replace(trial, command_kpa=pulse, angle_deg=angle),)))
+    assert found.reach.pressure == pytest.approx(SIXTY / USUAL_KPA)
+    assert found.reach.angle < 5.0 / USUAL_DEG
+
+
+def test_the_pages_say_what_is_typical_of_this_rig() -> None:
+    assert typical(PLAY) == "up to 2"
+    assert typical(PLAY.at(Reach(1.0, 5.0))) == "up to 10"
