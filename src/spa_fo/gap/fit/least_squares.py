@@ -317,6 +317,7 @@ class Explained(ABC):
         mine = np.flatnonzero(held)
         beside = matrix[mine][:, use]
         curvature = np.diag(matrix)[mine] + 1.0 - np.sum(beside @ covariance * beside, axis=1)
+        curvature = np.maximum(curvature, 1.0)  # the prior's: less is rounding
         slope = np.abs(away - vector[mine] + beside @ solution.coefficients)
         logs = 0.5 * np.log(np.pi / (2.0 * curvature)) - 0.5 * np.log(2.0 * np.pi) - 0.5 * away**2
         return total + float(np.sum(logs + np.log(erfcx(slope / np.sqrt(2.0 * curvature)))))
