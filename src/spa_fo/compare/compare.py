@@ -23,7 +23,6 @@ from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.gap.noise.bench_noise import TYPICAL, Beyond
 from spa_fo.gap.noise.coloured import Scatter, Spectrum, estimate, misfit, scatter
-from spa_fo.gap.settings import SETTINGS
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented
@@ -35,7 +34,6 @@ Progress = Callable[[str], None]
 
 SCHEMA = "spa-fo/comparison/1"
 NOTHING_CHANGED = "nothing_changed"
-_ZERO_KPA, _GAIN = SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain
 _WHITE = 1e-3  # deg or kPa: what is averaged holds next to no white noise
 
 
@@ -158,8 +156,6 @@ def compare(
     missed, there = _missed(reference, plain), _missed(data, plain)
     law = learn(missed)
     common, unvisited = law.predict(there), law.unvisited(there)
-    if plain.signal == "pressure":
-        common = _with_sensor_error(law, data, plain, there, common)
     predicted = [t.angle_deg - s.missed for t, s in zip(reference.trials, missed, strict=True)]
     spectrum, scattered = noise_of(law, missed, predicted, common)
     rest = max(_bent_at_rest(trial, plain) for trial in data.trials) if _zeroed(data) else 0.0
@@ -257,32 +253,6 @@ def _missed(data: CampaignData, plain: Model) -> list[Signal]:
     return [
         Signal(t.started_s, t.t_s, drive, t.angle_deg - angle)
         for t, drive, angle in zip(data.trials, driving, predicted, strict=True)
-    ]
-
-
-def _with_sensor_error(
-    law: FadingMemoryLaw,
-    data: CampaignData,
-    plain: Model,
-    there: Sequence[Signal],
-    common: Sequence[tuple[Floats, Floats]],
-) -> list[tuple[Floats, Floats]]:
-    """Add to how well the law is known what an error of the pressure's zero and gain moves.
-
-    Where the pressure drives the model, a steep actuator makes many degrees of little.
-    """
-    off = [np.hypot(_ZERO_KPA, _GAIN * np.abs(signal.input)) for signal in there]
-    shifted = [
-        replace(trial, pressure_kpa=_of(trial.pressure_kpa) + each)
-        for trial, each in zip(data.trials, off, strict=True)
-    ]
-    missed = _missed(replace(data, trials=tuple(shifted)), plain)
-    again = law.predict(missed)
-    return [
-        (mean, np.hypot(deviation, other - mean - (signal.missed - before.missed)))
-        for (mean, deviation), (other, _), signal, before in zip(
-            common, again, missed, there, strict=True
-        )
     ]
 
 
