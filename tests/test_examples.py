@@ -14,7 +14,7 @@ EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
 # Of the text that an example prints or shows; the diagnosis must find what the bench was given.
 SHOWN = {
     "campaign": ("Dragon Skin 20: dragon_skin_20, 18 trials", "synthetic data"),
-    "diagnose": ("Cause: stiffening of the actuator", "Nothing is left to separate"),
+    "diagnose": ("Cause: stiffening or softening of the actuator", "Nothing is left to separate"),
     "export": ("steady state itself exact", "phase margin"),
     "fit": ("95 % profile-likelihood interval", "K = 0.349"),
     "predict": ("predicted by the model of fx_pro", "rms error"),

@@ -36,7 +36,7 @@ EFFECT = Effect(
             high=8.0,
         ),
     ),
-    name="stiffening of the actuator",
+    name="stiffening or softening of the actuator",
     means="the restoring moment grows faster than the angle, or more slowly where it softens",
     remedy="keep it in the model: it belongs to the material and the shape",
     shown_in=("levels",),
