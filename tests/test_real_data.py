@@ -44,13 +44,16 @@ def test_the_soft_arm_has_a_gap(soft_arm: dict[str, Any]) -> None:
 
 
 def test_the_regulators_lag_is_found(soft_arm: dict[str, Any]) -> None:
-    """Known of the rig: the pressure reaches 63 % of a step in 0.35 to 0.8 s.
+    """Known of the rig: the pressure reaches 63 % of a step in 0.35 to 0.8 s, longest to 25 psi.
 
-    A lag is as much a line's as that of a regulator which slows as it comes near its setpoint.
+    A lag is as much a line's as that of a regulator which slows as it comes near its setpoint;
+    through an orifice the root of what lacks falls evenly, as long as it takes for 10 kPa.
     """
     (finding,) = [text for text in soft_arm["findings"] if text.startswith("The measured pressure")]
     late = re.findall(r"(?:time_constant_s|approach_s|delay_s) ([\d.e-]+\d)", finding)
-    assert 0.3 < sum(map(float, late)) < 0.8
+    filling = re.findall(r"filling_s ([\d.e-]+\d)", finding)
+    through = (1.0 - 0.37**0.5) * (162.0 / 10.0) ** 0.5 * sum(map(float, filling))
+    assert 0.3 < sum(map(float, late)) + through < 0.9
     assert soft_arm["where"]["stage"]["drive"] > 0.2
 
 
