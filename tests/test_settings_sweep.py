@@ -138,7 +138,7 @@ def test_the_page_lists_every_number_and_what_moves_most_first(sweep: Any) -> No
     assert cells.keys() == {name for name, *_ in SETTINGS.listed()}
     assert cells["temper"][-4:] == ["1", "0", "1", "fitted"]
     assert cells["least"][-4:] == ["0", "1", "2", "decided"]
-    assert cells["none"][:3] == ["probability", "assumed", f"{SETTINGS.none:g}"]
+    assert cells["none"][:3] == ["probability", "learned", f"{SETTINGS.none:g}"]
     assert "2 opened cases" in text
     assert "1 `cause`, 1 `no_gap`" in text
     assert "1 more cases end in one" in text
