@@ -85,7 +85,7 @@ def test_the_whole_benchmark_is_planned() -> None:
 
 def test_a_small_benchmark_has_a_folder_of_its_own() -> None:
     small = "tests/reduced/blind_small.yaml"
-    run = snakemake(ROOT, "--dry-run", "--configfile", small, "--", "blind")
+    run = snakemake(ROOT, "--dry-run", "--forceall", "--configfile", small, "--", "blind")
     assert run.returncode == 0, run.stdout + run.stderr
     assert "build/blind_small/blind/scores.json" in run.stdout + run.stderr
 
