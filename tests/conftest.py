@@ -7,6 +7,7 @@ import importlib.util
 import json
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -88,6 +89,20 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"needs the measured data in {folder} (set SPA_FO_SHARED)")
     return folder
+
+
+@pytest.fixture(scope="module")
+def measured() -> Iterator[ModuleType]:
+    """The benchmark that knows the pairs, as a module; its neighbours are found as when it runs."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    try:
+        import measured_changes
+
+        yield measured_changes
+    finally:
+        sys.path.remove(str(ROOT / "benchmarks"))
+        for name in ("measured_changes", "repeated_commands", "real_data"):
+            sys.modules.pop(name, None)
 
 
 @pytest.fixture(scope="session")

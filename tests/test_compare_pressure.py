@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -244,19 +243,6 @@ def test_a_name_needs_a_change_that_is_clear() -> None:
 
 
 # --- measured ------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def measured() -> Iterator[Any]:
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    try:
-        import measured_changes
-
-        yield measured_changes
-    finally:
-        sys.path.remove(str(ROOT / "benchmarks"))
-        for name in ("measured_changes", "repeated_commands", "real_data"):
-            sys.modules.pop(name, None)
 
 
 def test_nothing_changed_within_a_measured_log(

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from reduced_workflow import ROOT, configure, snakemake
+from reduced_workflow import configure, snakemake
 from spa_fo.api import Campaign, Comparison
 from spa_fo.cli import main
 from spa_fo.plant.effects.library import stage_of
@@ -18,20 +17,6 @@ from spa_fo.plant.effects.library import stage_of
 BIAS = "bias 0 to 1 psi"  # the opposite chambers push against the bending: a stiffer actuator
 SAME_DRIVE = "slow pulses, pressure, early to late"
 BELIEVED = 0.5
-
-
-@pytest.fixture(scope="module")
-def measured() -> Iterator[Any]:
-    """The benchmark that knows the pairs, as a module; its neighbours are found as when it runs."""
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    try:
-        import measured_changes
-
-        yield measured_changes
-    finally:
-        sys.path.remove(str(ROOT / "benchmarks"))
-        for name in ("measured_changes", "repeated_commands", "real_data"):
-            sys.modules.pop(name, None)
 
 
 def pair(measured: Any, name: str, data: Path, folder: Path) -> tuple[Path, Path]:

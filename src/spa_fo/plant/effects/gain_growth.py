@@ -12,6 +12,7 @@ from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
 from spa_fo.plant.effects.shared import Floats
 
 REFERENCE_KPA = 30.0
+_EXPONENT = 1.0  # typical
 
 
 def stretched(pressure_kpa: Floats, time_s: Floats, growth: float, exponent: float) -> Floats:
@@ -33,13 +34,13 @@ EFFECT = Effect(
             low=-20.0,
             high=20.0,
             start=0.06,
-            goes_with=(0.0, -1.0),
+            goes_with=(0.0, -_EXPONENT),  # as much at the largest pressure
         ),
         shape(
             "exponent",
             "1",
             "how steeply it grows with the pressure",
-            centre=1.0,
+            centre=_EXPONENT,
             factor=1.6,
             low=0.3,
             high=4.0,

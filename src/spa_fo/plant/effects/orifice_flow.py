@@ -64,7 +64,7 @@ EFFECT = Effect(
             spread=0.3,
             high=10.0,
             start=0.15,
-            goes_with=(0.0, -0.5),
+            goes_with=(0.0, -0.5),  # as long to the largest pressure, by the root
         ),
         shape(
             "venting_ratio",

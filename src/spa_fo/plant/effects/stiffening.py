@@ -11,6 +11,8 @@ import math
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Effect, amplitude, shape
 
+_EXPONENT = 2.2  # typical
+
 EFFECT = Effect(
     id="stiffening",
     stage="actuator",
@@ -24,13 +26,13 @@ EFFECT = Effect(
             low=-100.0,
             high=100.0,
             start=0.05,
-            goes_with=(-2.2, 0.0),
+            goes_with=(-_EXPONENT, 0.0),  # as much at the largest angle
         ),
         shape(
             "exponent",
             "1",
             "how steeply it grows with the angle",
-            centre=2.2,
+            centre=_EXPONENT,
             factor=1.5,
             low=0.8,
             high=8.0,
