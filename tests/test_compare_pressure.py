@@ -232,13 +232,13 @@ def test_a_name_needs_a_change_that_is_clear() -> None:
     """What is within three times of what was expected has no name, and what is beyond is some."""
     weighed = {(): 0.2, ("leak",): 0.7}
     errors = {(): 5.0, ("leak",): 0.1}
-    small, unknown = _held_to(weighed, 0.1, errors, 2.0)
+    small, unknown = _held_to(weighed, 0.1, errors, clearly=False)
     assert (small["leak",], unknown) == (0.0, pytest.approx(0.8))
-    clear, unknown = _held_to(weighed, 0.1, errors, 1.0)
+    clear, unknown = _held_to(weighed, 0.1, errors, clearly=True)
     assert (clear["leak",], unknown) == (pytest.approx(0.7), pytest.approx(0.1))
-    useless, _ = _held_to(weighed, 0.1, {(): 5.0, ("leak",): 4.9}, 1.0)
+    useless, _ = _held_to(weighed, 0.1, {(): 5.0, ("leak",): 4.9}, clearly=True)
     assert useless["leak",] == 0.0
-    nothing, unknown = _held_to({(): 0.9}, 0.1, {(): 5.0}, 1.0)
+    nothing, unknown = _held_to({(): 0.9}, 0.1, {(): 5.0}, clearly=True)
     assert chosen(list(nothing.items()), unknown) == ("unknown", ())
 
 

@@ -54,16 +54,14 @@ def test_no_calibration_no_fixture() -> None:
     assert fixture_of((), 0.0) is None
 
 
-@pytest.mark.parametrize("angles", [None, 1])
-def test_what_is_read_errs_by_the_errors_of_known_angles_nearby(
-    calibration: Calibration, angles: int | None
-) -> None:
-    fixture = laid_out(replace(calibration, dwells=calibration.dwells[:angles]))
-    dwells = calibration.dwells[:angles]
-    error_deg = np.random.default_rng(1).normal(0.0, 0.5, len(dwells))
-    known = np.array([dwell.angle_deg for dwell in dwells])
+def test_what_is_read_errs_by_the_errors_of_known_angles(calibration: Calibration) -> None:
+    fixture, known = laid_out(calibration), [dwell.angle_deg for dwell in calibration.dwells]
+    error_deg = np.random.default_rng(1).normal(0.0, 1e-3, len(known))
     at = np.unique(known)
-    mean = np.array([error_deg[known == angle].mean() for angle in at])
-    read = np.linspace(-20.0, 110.0, 400)
-    expected = -np.interp(read, at, mean)
-    np.testing.assert_allclose(fixture.misread(read) @ error_deg, expected, atol=1e-12)
+    mean = np.array([error_deg[np.array(known) == angle].mean() for angle in at])
+    # The same counts, laid to the angles at which the sensor was in truth.
+    right = replace(calibration, angles_deg=calibration.of_known @ (at + mean))
+    counts = np.linspace(calibration.counts[0] - 60.0, calibration.counts[-1] + 40.0, 300)
+    read = calibration.angle_deg(counts)
+    expected = read - right.angle_deg(counts)
+    np.testing.assert_allclose(fixture.misread(read) @ error_deg, expected, atol=2e-5)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import naive_rig
 from spa_fo.errors import BadInput
-from spa_fo.rig.calibration import Calibration, calibrate, drift, find_dwells
+from spa_fo.rig.calibration import Calibration, calibrate, drift
+from spa_fo.rig.dwells import find_dwells
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log
 
 ANGLES = [*range(0, 91, 15), *range(75, -1, -15)]

@@ -162,12 +162,13 @@ def _said(
     where = judged(evidence, held)
     errors = {ids: _error(evidence, fit, where) for ids, fit in fits.items() if ids}
     errors[()] = rmse(evidence, command, where)
-    weighed, unknown = _held_to(weighed, unknown, errors, expected_kpa)
+    everywhere = np.ones(command.size, dtype=bool)
+    gap_kpa = rmse(evidence, command, everywhere)
+    weighed, unknown = _held_to(weighed, unknown, errors, gap_kpa > CLEARLY * expected_kpa)
     ranked = sorted(weighed.items(), key=lambda item: -item[1])
     kind, sets = chosen(ranked, unknown)
     sets = tuple(ids for ids in sets if weighed[ids] > 0.0)
     first = fits[sets[0]] if sets else None
-    everywhere = np.ones(command.size, dtype=bool)
     located = shares(evidence, grid.angle_deg - command, command)
     left = sorted(set(LIBRARY) - {n for ids in weighed for n in ids} - set(excluded))
     none = weighed.get((), 0.0)
@@ -193,7 +194,7 @@ def _said(
         seed=seed,
         excluded=excluded,
         gap=Gap(
-            rmse_deg=rmse(evidence, command, everywhere),
+            rmse_deg=gap_kpa,
             noise_floor_deg=expected_kpa,
             significant=kind != "no_gap",
             p_value=_p_value(none),
@@ -228,11 +229,13 @@ def _error(evidence: Evidence, fit: DriveFit, where: NDArray[np.bool_]) -> float
 
 
 def _held_to(
-    weighed: dict[Ids, float], unknown: float, errors: dict[Ids, float], expected_kpa: float
+    weighed: dict[Ids, float], unknown: float, errors: dict[Ids, float], clearly: bool
 ) -> tuple[dict[Ids, float], float]:
-    """Hold probabilities against the held-out trials and what is missed of the reference."""
+    """Hold probabilities against the held-out trials.
+
+    `clearly` says whether the gap is far beyond what is missed of the reference.
+    """
     found = dict(weighed)
-    clearly = errors[()] > CLEARLY * expected_kpa
     for ids, error in errors.items():
         closed = 1.0 - (error / max(errors[()], 1e-12)) ** 2
         if ids and not (clearly and closed >= SETTINGS.worth):

@@ -26,6 +26,7 @@ from spa_fo.gap.claim.claimed import (
     model_of,
     on_all_trials,
     times_expected,
+    times_missed,
     too_large_for_none,
 )
 from spa_fo.gap.data.hold_out import rmse
@@ -205,7 +206,8 @@ def _answered(
             verdict = too_large_for_none(verdict)
     else:
         verdict = alone_if_rare(verdict)
-        verdict = beyond_expected(verdict, claimed.errors[()] / beyond.angle_deg)
+        missed = times_missed(examined.everything, claimed.curves["plain"], beyond.angle_deg)
+        verdict = beyond_expected(verdict, missed)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
     return examined, claimed, verdict

@@ -1,6 +1,6 @@
 """From raw serial logs to trials: wire format, logs, calibration, campaign."""
 
-from spa_fo.rig.calibration import Calibration, Drift, Dwell
+from spa_fo.rig.calibration import Calibration, Drift
 from spa_fo.rig.campaign import (
     CalibrationFile,
     Campaign,
@@ -11,6 +11,7 @@ from spa_fo.rig.campaign import (
     read_campaign,
     read_description,
 )
+from spa_fo.rig.dwells import Dwell
 from spa_fo.rig.log_format import Column, LogFormat
 from spa_fo.rig.parse_report import Damage, FileReport, ParseReport
 from spa_fo.rig.trial import Trial

@@ -3,49 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import BSpline, PchipInterpolator, make_interp_spline
 from scipy.optimize import isotonic_regression
 
 from spa_fo.errors import BadInput
+from spa_fo.rig.dwells import Direction, Dwell, both_ways, count_at, find_dwells, variance_at, ways
+from spa_fo.rig.smooth_knots import Series, smoother
 
 Floats = npt.NDArray[np.float64]
 
-_SETTLED = 0.5  # the part of a dwell, from its end, that counts as settled
-_FEWEST_SAMPLES = 8  # of a dwell
-_LONGEST_PAUSE_S = 1.0  # within a dwell
-_QUANTISATION = 1.0 / np.sqrt(12.0)  # counts: an undithered converter's error
 _WORST_FOLD = 0.2  # of the counts' range: knots farther off a monotone curve are no noise
+_BEYOND = 0.5  # of the counts' range: as far as an error of the known angles is followed
+_MISREAD_AT, _MISREAD_STEP = 201, 0.01  # counts that it is computed at, and degrees
+_ROUNDING = 1e-18  # deg², of a spread
 _END_SLOPE_ERROR = 0.2  # assumed relative error of the slope beyond the ends, 1 sigma
-
-
-@dataclass(frozen=True)
-class Dwell:
-    """The sensor held at one known angle.
-
-    `mean` (counts) over the settled latter half, `noise` its scatter about a line (counts, one
-    sample), `standard_error` that of the mean; `drift` the slope of a line through the settled
-    half (counts/s) and `drift_error` its standard error; `settling` how much the settled mean
-    lies above the mean of the first quarter (counts): a lag or creep of the sensor itself.
-    `t_s` and `counts` are the whole dwell, from its first sample.
-    """
-
-    angle_deg: float
-    direction: Literal["up", "down"]
-    started_s: float
-    mean: float
-    noise: float
-    standard_error: float
-    drift: float
-    drift_error: float
-    settling: float
-    t_s: Floats = field(repr=False)
-    counts: Floats = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -53,7 +30,8 @@ class Calibration:
     """A monotone curve from flex counts to degrees.
 
     Knots are the dwells' settled means, up and down averaged at each angle, made monotone where
-    noise breaks it; between them a monotone cubic (Fritsch and Carlson 1980,
+    noise breaks it, at angles as smooth as the scatter of the known ones speaks for
+    (`smooth_knots`); between them a monotone cubic (Fritsch and Carlson 1980,
     doi:10.1137/0717021), beyond them a line of the end's slope.
 
     Attributes
@@ -68,6 +46,8 @@ class Calibration:
         Their error, 1 sigma: noise, interpolation, and half the hysteresis.
     hysteresis_deg : dict of float to float
         By angle: how much more the curve reads going up than going down.
+    of_known : ndarray, shape (k, m)
+        What the knots' angles are made of: weights of the m known angles, rising.
     dwells : tuple of Dwell
         In the order of the log.
     notes : tuple of str
@@ -80,13 +60,15 @@ class Calibration:
     angles_deg: Floats
     sigma_knots_deg: Floats
     hysteresis_deg: dict[float, float]
+    of_known: Floats
     dwells: tuple[Dwell, ...]
     notes: tuple[str, ...] = ()
 
     @property
     def range_deg(self) -> tuple[float, float]:
         """The smallest and largest calibrated angle."""
-        return float(self.angles_deg.min()), float(self.angles_deg.max())
+        angles = [dwell.angle_deg for dwell in self.dwells]
+        return min(angles), max(angles)
 
     @property
     def max_hysteresis_deg(self) -> float | None:
@@ -123,6 +105,25 @@ class Calibration:
         low, high = self._end_slopes
         beyond = _END_SLOPE_ERROR * np.where(x < inside, low, high) * (x - inside)
         return np.hypot(np.interp(inside, self.counts, self.sigma_knots_deg), beyond)
+
+    def misread_deg(self, angle_deg: npt.ArrayLike) -> Floats:
+        """Give what a degree more at each known angle makes of readings, shape (n, m)."""
+        read, moved = self._misread
+        return np.asarray(moved(np.clip(angle_deg, read[0], read[-1])))
+
+    @cached_property
+    def _misread(self) -> tuple[Floats, BSpline]:
+        """Readings, rising, and lines between what known angles make of them."""
+        room = _BEYOND * np.ptp(self.counts)
+        counts = np.linspace(self.counts[0] - room, self.counts[-1] + room, _MISREAD_AT)
+        read = self.angle_deg(counts)
+        moved = [
+            replace(self, angles_deg=self.angles_deg + _MISREAD_STEP * own).angle_deg(counts)
+            for own in self.of_known.T
+        ]
+        rising = np.unique(read, return_index=True)[1]
+        slopes = (np.column_stack(moved) - read[:, None])[rising] / _MISREAD_STEP
+        return read[rising], make_interp_spline(read[rising], slopes, k=1)
 
     def outside(self, counts: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Say which `counts` lie beyond the calibrated range, same shape."""
@@ -223,8 +224,8 @@ def calibrate(
             path,
             f"holds dwells at {angles.size} known angles; expected a calibration of at least 3",
         )
-    means = np.array([_both_ways(dwells, angle) for angle in angles])
-    variance = np.array([_variance(dwells, angle) for angle in angles])
+    means = np.array([both_ways(dwells, angle) for angle in angles])
+    variance = np.array([variance_at(dwells, angle) for angle in angles])
     rising = bool(np.polyfit(angles, means, 1)[0] > 0)
     if np.ptp(means) < 3.0:
         raise BadInput(path, f"its counts hardly change ({np.ptp(means):.2g}) over all angles")
@@ -240,46 +241,21 @@ def calibrate(
         notes.append(
             f"knots not monotone: {np.count_nonzero(moved)} moved by up to {moved.max():.2g} counts"
         )
-    counts, knot_angles, knot_variance, spread = _pool(fit.x, angles, variance + moved**2)
+    counts, pooled = _pool(fit.x)
     if counts.size < 3:
         raise BadInput(path, f"its counts differ at {counts.size} angles only; expected 3 or more")
-    bare = Calibration(file, started_s, counts, knot_angles, np.zeros_like(counts), {}, dwells)
-    hysteresis = _hysteresis(bare, dwells)
-    sigma = np.hypot(_sigma(bare, knot_variance, hysteresis), spread)
+    knots, none = pooled @ angles, np.zeros_like(counts)
+    spread = np.sqrt(pooled @ angles**2 - knots**2 + _ROUNDING)
+    raw = Calibration(file, started_s, counts, knots, none, {}, pooled, dwells)
+    noise = pooled @ (variance + moved**2)
+    of_known = _smoother(raw, noise, angles) @ pooled
+    knots = isotonic_regression(of_known @ angles, increasing=rising).x
+    smooth = replace(raw, angles_deg=knots, of_known=of_known)
+    hysteresis = _hysteresis(smooth, dwells)
     if not hysteresis:
         notes.append("no angle was visited both ways: hysteresis not known")
-    return Calibration(
-        file, started_s, counts, knot_angles, sigma, hysteresis, dwells, tuple(notes)
-    )
-
-
-def find_dwells(
-    t_s: Floats, angle_deg: Floats, flex_adc: Floats
-) -> tuple[tuple[Dwell, ...], list[str]]:
-    """Cut a calibration log into its dwells: stretches of one known angle.
-
-    Returns
-    -------
-    dwells : tuple of Dwell
-        In the order of the log; stretches of fewer than 8 samples are left out.
-    notes : list of str
-        What was left out.
-    """
-    cuts = np.flatnonzero((np.diff(angle_deg) != 0.0) | (np.diff(t_s) > _LONGEST_PAUSE_S)) + 1
-    stretches = np.split(np.arange(len(t_s)), cuts)
-    long = [stretch for stretch in stretches if len(stretch) >= _FEWEST_SAMPLES]
-    notes = []
-    if len(long) < len(stretches):
-        left = len(stretches) - len(long)
-        notes.append(f"{left} stretches of fewer than {_FEWEST_SAMPLES} samples left out")
-    at = [float(angle_deg[stretch[0]]) for stretch in long]
-    dwells: list[Dwell] = []
-    for i, stretch in enumerate(long):
-        rising = at[i] > at[i - 1] if i else len(at) < 2 or at[1] > at[0]
-        if i and at[i] == at[i - 1]:
-            rising = dwells[-1].direction == "up"
-        dwells.append(_dwell(at[i], "up" if rising else "down", t_s[stretch], flex_adc[stretch]))
-    return tuple(dwells), notes
+    sigma = np.hypot(_sigma(smooth, noise, hysteresis), spread)
+    return replace(smooth, sigma_knots_deg=sigma, hysteresis_deg=hysteresis, notes=tuple(notes))
 
 
 def drift(earliest: Calibration, later: Calibration) -> Drift:
@@ -287,9 +263,9 @@ def drift(earliest: Calibration, later: Calibration) -> Drift:
     angles, values = [], []
     known = {dwell.angle_deg for dwell in earliest.dwells}
     for angle in sorted({dwell.angle_deg for dwell in later.dwells}):
-        now = float(earliest.angle_deg(_both_ways(later.dwells, angle)))
+        now = float(earliest.angle_deg(both_ways(later.dwells, angle)))
         then = (
-            float(earliest.angle_deg(_both_ways(earliest.dwells, angle)))
+            float(earliest.angle_deg(both_ways(earliest.dwells, angle)))
             if angle in known
             else angle
         )
@@ -307,65 +283,38 @@ def drift(earliest: Calibration, later: Calibration) -> Drift:
     )
 
 
-def _dwell(angle: float, direction: Literal["up", "down"], t_s: Floats, counts: Floats) -> Dwell:
-    t = t_s - t_s[0]
-    settled = t >= (1.0 - _SETTLED) * t[-1]
-    x, y = t[settled] - t[settled].mean(), counts[settled]
-    slope = float(x @ y / (x @ x))
-    noise = float(np.sqrt(np.sum((y - y.mean() - slope * x) ** 2) / (y.size - 2)))
-    # Without noise to dither it, a converter's mean is no better than its step.
-    floor = _QUANTISATION if noise < 0.5 else 0.0
-    return Dwell(
-        angle_deg=angle,
-        direction=direction,
-        started_s=float(t_s[0]),
-        mean=float(y.mean()),
-        noise=noise,
-        standard_error=float(np.hypot(noise / np.sqrt(y.size), floor)),
-        drift=slope,
-        drift_error=float(max(noise, _QUANTISATION) / np.sqrt(x @ x)),
-        settling=float(y.mean() - counts[t <= 0.25 * t[-1]].mean()),
-        t_s=t,
-        counts=counts,
-    )
-
-
-def _ways(dwells: Sequence[Dwell], angle: float) -> list[float]:
-    """Return the means at `angle`, averaged over the dwells up and over those down."""
-    ways = []
-    for direction in ("up", "down"):
-        means = [d.mean for d in dwells if d.angle_deg == angle and d.direction == direction]
-        if means:
-            ways.append(float(np.mean(means)))
-    return ways
-
-
-def _both_ways(dwells: Sequence[Dwell], angle: float) -> float:
-    return float(np.mean(_ways(dwells, angle)))
-
-
-def _variance(dwells: Sequence[Dwell], angle: float) -> float:
-    errors = np.array([d.standard_error for d in dwells if d.angle_deg == angle])
-    return float(np.sum(errors**2)) / errors.size**2
-
-
-def _pool(
-    counts: Floats, angles: Floats, variance: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Merge knots of equal counts into one: counts (rising), angles, variance, angles' spread."""
+def _pool(counts: Floats) -> tuple[Floats, Floats]:
+    """Merge angles of equal counts into knots: their counts, rising, and means over angles."""
     values, group = np.unique(counts, return_inverse=True)
-    sizes = np.bincount(group)
-    mean = np.bincount(group, weights=angles) / sizes
-    spread = np.sqrt(np.bincount(group, weights=(angles - mean[group]) ** 2) / sizes)
-    return values, mean, np.bincount(group, weights=variance) / sizes, spread
+    same = np.eye(values.size)[:, group]
+    return values, same / same.sum(axis=1, keepdims=True)
+
+
+def _smoother(raw: Calibration, noise: Floats, angles: Floats) -> Floats:
+    """Smooth a curve as far as its known angles scatter; `noise` is the variance of its counts."""
+    at = (raw.counts - raw.counts[0]) / np.ptp(raw.counts)
+    square = raw._curve.derivative()(raw.counts) ** 2
+    directions: tuple[Direction, ...] = ("up", "down")
+    each = np.array([[count_at(raw.dwells, a, way) for way in directions] for a in angles])
+    pooled = raw.of_known
+    known = Series(at, raw.angles_deg, square * noise, pooled**2 @ (1.0 / each.sum(axis=1)))
+    both = (each > 0).all(axis=1)
+    if np.count_nonzero(both) <= 3:
+        return smoother(known)
+    where = np.argmax(pooled[:, both] > 0.0, axis=0)
+    order = np.argsort(where)
+    apart = np.array([_hysteresis(raw, raw.dwells)[a] for a in angles[both]])
+    share = np.sum(1.0 / each[both], axis=1)
+    noise = 4.0 * (square * noise)[where]
+    return smoother(known, Series(at[where[order]], apart[order], noise[order], share[order]))
 
 
 def _hysteresis(curve: Calibration, dwells: Sequence[Dwell]) -> dict[float, float]:
     result = {}
     for angle in sorted({dwell.angle_deg for dwell in dwells}):
-        ways = _ways(dwells, angle)
-        if len(ways) == 2:
-            up, down = curve.angle_deg(ways)
+        counts = ways(dwells, angle)
+        if len(counts) == 2:
+            up, down = curve.angle_deg(counts)
             result[angle] = float(up - down)
     return result
 

@@ -187,8 +187,7 @@ def held_to(verdict: Verdict, claimed: Claim) -> Verdict:
 def beyond_expected(verdict: Verdict, size: float) -> Verdict:
     """Hold an answer against the size of the gap, over that of what a reference misses, too.
 
-    `size` is the RMS of the gap, in units of what a law learned from a reference misses of other
-    trials.
+    `size` is that ratio; see `times_missed`.
     """
     if size <= 1.0:
         if _of_drive(verdict):
@@ -211,6 +210,18 @@ def beyond_expected(verdict: Verdict, size: float) -> Verdict:
         unknown = verdict.kind == "unknown" or (again.kind != "no_gap" and not sets)
         return replace(again, kind="unknown" if unknown else again.kind, sets=sets)
     return verdict
+
+
+def times_missed(everything: Evidence, plain_deg: Floats, expected_deg: float) -> float:
+    """Give the RMS of the gap over what a law learned from a reference misses of other trials.
+
+    No trial took part in learning that, so all of them say it. Samples count the less the less the
+    law knows of them.
+    """
+    grid = everything.grid
+    weights = grid.counts / (1.0 + everything.variance / expected_deg**2)
+    squares = (grid.angle_deg - plain_deg) ** 2
+    return float(np.sqrt(np.average(squares, weights=weights))) / expected_deg
 
 
 def too_large_for_none(verdict: Verdict) -> Verdict:

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import BSpline, make_interp_spline
 
 from spa_fo.plant.chain import Mounting, log_delays
 from spa_fo.plant.effects.library import LIBRARY
@@ -37,6 +36,7 @@ class Fixture:
 
     deviation_deg: Floats  # (rows,): what the first curve reads, less the settled mean there
     sigma_deg: Floats  # (rows,)
+    curve: Calibration  # the first one
     known_deg: Floats  # (rows,): the fixture's angle
     log: Integers  # (rows,): which calibration
     dwell: Integers  # (rows,): which dwell, all calibrations counted through
@@ -68,17 +68,12 @@ class Fixture:
 
     def misread(self, angle_deg: Floats) -> Floats:
         """Give what an error of each dwell's known angle makes of readings, (n, dwells)."""
-        angles, misread = self._misread
-        return np.asarray(misread(np.clip(angle_deg, angles[0], angles[-1])))
+        return -self.curve.misread_deg(angle_deg) @ self._first
 
     @cached_property
-    def _misread(self) -> tuple[Floats, BSpline]:
-        """The first calibration's known angles, and lines between what errors of dwells make."""
-        angles = np.unique(self.known_deg[self.log == 0])
-        errors = -self._mean_at(0, angles)
-        if angles.size == 1:  # the same everywhere
-            angles, errors = angles + np.array([0.0, 1.0]), np.repeat(errors, 2, axis=0)
-        return angles, make_interp_spline(angles, errors, k=1)
+    def _first(self) -> Floats:
+        """Weights of the mean over the first calibration's dwells, (known angles, dwells)."""
+        return self._mean_at(0, np.unique(self.known_deg[self.log == 0]))
 
     def simulate(self, effects: Floats) -> tuple[Floats, Mounting]:
         """Simulate what the sensor's effects make of the fixture.
@@ -160,6 +155,7 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
     return Fixture(
         deviation_deg=average @ deviation,
         sigma_deg=sigma,
+        curve=calibrations[0],
         known_deg=known,
         log=log_of.astype(np.int64),
         dwell=dwell_of.astype(np.int64),

@@ -1,0 +1,120 @@
+"""The dwells of a calibration log: the sensor held at known angles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Direction = Literal["up", "down"]
+
+_SETTLED = 0.5  # the part of a dwell, from its end, that counts as settled
+_FEWEST_SAMPLES = 8  # of a dwell
+_LONGEST_PAUSE_S = 1.0  # within a dwell
+_QUANTISATION = 1.0 / np.sqrt(12.0)  # counts: an undithered converter's error
+
+
+@dataclass(frozen=True)
+class Dwell:
+    """The sensor held at one known angle.
+
+    `mean` (counts) over the settled latter half, `noise` its scatter about a line (counts, one
+    sample), `standard_error` that of the mean; `drift` the slope of a line through the settled
+    half (counts/s) and `drift_error` its standard error; `settling` how much the settled mean
+    lies above the mean of the first quarter (counts): a lag or creep of the sensor itself.
+    `t_s` and `counts` are the whole dwell, from its first sample.
+    """
+
+    angle_deg: float
+    direction: Direction
+    started_s: float
+    mean: float
+    noise: float
+    standard_error: float
+    drift: float
+    drift_error: float
+    settling: float
+    t_s: Floats = field(repr=False)
+    counts: Floats = field(repr=False)
+
+
+def find_dwells(
+    t_s: Floats, angle_deg: Floats, flex_adc: Floats
+) -> tuple[tuple[Dwell, ...], list[str]]:
+    """Cut a calibration log into its dwells: stretches of one known angle.
+
+    Returns
+    -------
+    dwells : tuple of Dwell
+        In the order of the log; stretches of fewer than 8 samples are left out.
+    notes : list of str
+        What was left out.
+    """
+    cuts = np.flatnonzero((np.diff(angle_deg) != 0.0) | (np.diff(t_s) > _LONGEST_PAUSE_S)) + 1
+    stretches = np.split(np.arange(len(t_s)), cuts)
+    long = [stretch for stretch in stretches if len(stretch) >= _FEWEST_SAMPLES]
+    notes = []
+    if len(long) < len(stretches):
+        left = len(stretches) - len(long)
+        notes.append(f"{left} stretches of fewer than {_FEWEST_SAMPLES} samples left out")
+    at = [float(angle_deg[stretch[0]]) for stretch in long]
+    dwells: list[Dwell] = []
+    for i, stretch in enumerate(long):
+        rising = at[i] > at[i - 1] if i else len(at) < 2 or at[1] > at[0]
+        if i and at[i] == at[i - 1]:
+            rising = dwells[-1].direction == "up"
+        dwells.append(_dwell(at[i], "up" if rising else "down", t_s[stretch], flex_adc[stretch]))
+    return tuple(dwells), notes
+
+
+def _dwell(angle: float, direction: Direction, t_s: Floats, counts: Floats) -> Dwell:
+    t = t_s - t_s[0]
+    settled = t >= (1.0 - _SETTLED) * t[-1]
+    x, y = t[settled] - t[settled].mean(), counts[settled]
+    slope = float(x @ y / (x @ x))
+    noise = float(np.sqrt(np.sum((y - y.mean() - slope * x) ** 2) / (y.size - 2)))
+    # Without noise to dither it, a converter's mean is no better than its step.
+    floor = _QUANTISATION if noise < 0.5 else 0.0
+    return Dwell(
+        angle_deg=angle,
+        direction=direction,
+        started_s=float(t_s[0]),
+        mean=float(y.mean()),
+        noise=noise,
+        standard_error=float(np.hypot(noise / np.sqrt(y.size), floor)),
+        drift=slope,
+        drift_error=float(max(noise, _QUANTISATION) / np.sqrt(x @ x)),
+        settling=float(y.mean() - counts[t <= 0.25 * t[-1]].mean()),
+        t_s=t,
+        counts=counts,
+    )
+
+
+def ways(dwells: Sequence[Dwell], angle: float) -> list[float]:
+    """Return the means at `angle`, averaged over the dwells up and over those down."""
+    found = []
+    for direction in ("up", "down"):
+        means = [d.mean for d in dwells if d.angle_deg == angle and d.direction == direction]
+        if means:
+            found.append(float(np.mean(means)))
+    return found
+
+
+def both_ways(dwells: Sequence[Dwell], angle: float) -> float:
+    """Return the mean at `angle` over both ways."""
+    return float(np.mean(ways(dwells, angle)))
+
+
+def variance_at(dwells: Sequence[Dwell], angle: float) -> float:
+    """Return the variance of the mean at `angle`, counts²."""
+    errors = np.array([d.standard_error for d in dwells if d.angle_deg == angle])
+    return float(np.sum(errors**2)) / errors.size**2
+
+
+def count_at(dwells: Sequence[Dwell], angle: float, way: Direction) -> int:
+    """Count the dwells at an angle that were come to in one way."""
+    return sum(d.angle_deg == angle and d.direction == way for d in dwells)
