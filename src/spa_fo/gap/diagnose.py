@@ -201,7 +201,7 @@ def _answered(
     verdict = held_to(examined.verdict, claimed)
     if beyond is None:
         progress("weighing laws that have no name against it")
-        verdict = held_to(against_laws(verdict, examined), claimed)
+        verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed)
         if times_expected(examined, claimed.curves["plain"]) > CLEARLY:
             verdict = too_large_for_none(verdict)
     else:

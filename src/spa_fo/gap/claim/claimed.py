@@ -96,16 +96,20 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
     floor_deg = examined.floor_deg
     # A model of the campaign itself has seen the held-out trials; identified again it has not.
     before = rmse(everything, refit, where) if found.bench.own else errors[()]
-    closed = {named: _closed(before, errors[named], floor_deg) for named in predicted}
     judging = {
         named: Judging(found.bench, fitted[named], everything, where, plain, curve)
         for named, curve in predicted.items()
     }
-    expected = {}
+    floors = dict.fromkeys(judging, floor_deg)
+    expected: dict[Ids, tuple[float, float]] = {}
     if not found.bench.noise.compared:  # a change is named only where it is sure
-        without, gap = refit if found.bench.own else plain, _gap_of(before, floor_deg)
-        taken = {named: own.takes(without) for named, own in judging.items()}
-        expected = {named: (mean / gap, sigma / gap) for named, (mean, sigma) in taken.items()}
+        without = refit if found.bench.own else plain
+        for named, own in judging.items():
+            # What these few trials happen to differ by is no gap, and nothing closes it.
+            floors[named] = max(floor_deg, own.scatter(verdict.of(named).left_deg))
+            (mean, sigma), gap = own.takes(without), _gap_of(before, floors[named])
+            expected[named] = mean / gap, sigma / gap
+    closed = {named: _closed(before, errors[named], floors[named]) for named in predicted}
     made = None
     if first:
         scatter = judging[first].scatter(verdict.of(first).left_deg)
