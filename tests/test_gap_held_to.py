@@ -13,6 +13,7 @@ from spa_fo.gap.claim.claimed import (
     beyond_expected,
     held_to,
     times_expected,
+    times_missed,
     too_large_for_none,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
@@ -123,3 +124,13 @@ def test_what_is_expected_is_noise_the_fixture_s_error_and_the_model_s() -> None
     both = times_expected(examined(4, response, object()), plain_deg)
     assert both == pytest.approx(1.0 / np.hypot(0.5, 1.2))
     assert times_expected(examined(0), plain_deg) == 1.0
+
+
+def test_all_trials_say_how_large_a_change_is_each_as_far_as_it_was_foretold() -> None:
+    grid = SimpleNamespace(angle_deg=np.repeat([1.0, 5.0], 50), counts=np.ones(100))
+    known = cast(Any, SimpleNamespace(grid=grid, variance=np.full(100, 0.01)))
+    plain_deg = np.zeros(100)
+    assert times_missed(known, plain_deg, 2.0) == pytest.approx(np.sqrt(13.0) / 2.0)
+    # Where the reference never was, what is missed says next to nothing.
+    unknown = cast(Any, SimpleNamespace(grid=grid, variance=np.repeat([0.01, 1e6], 50)))
+    assert times_missed(unknown, plain_deg, 2.0) == pytest.approx(0.5, rel=0.01)

@@ -77,3 +77,15 @@ def test_a_short_pulse_counts_and_a_dropout_does_not() -> None:
 def test_the_pages_say_what_is_typical_of_this_rig() -> None:
     assert typical(PLAY) == "up to 2"
     assert typical(PLAY.at(Reach(1.0, 5.0))) == "up to 10"
+
+
+def test_a_ceiling_lies_beyond_what_the_same_sensor_has_read() -> None:
+    ceiling = LIBRARY["sensor_saturation"].parameters[0]
+    assert ceiling.beyond_read
+    there = ceiling.at(Reach(read_deg=70.0))
+    assert there.low == 70.0
+    assert there.centre == 70.0
+    assert min(there.starts) == 70.0
+    assert ceiling.at(Reach()).low == ceiling.low
+    knee = LIBRARY["sensor_saturation"].parameters[1]
+    assert knee.at(Reach(read_deg=70.0)) == knee

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, learn
 from spa_fo.errors import BadInput
+from spa_fo.gap.data.evidence import largest_deg
 from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
@@ -165,6 +166,7 @@ def compare(
         angle=spectrum,
         scatter=replace(scattered, rest_deg=_together(scattered.rest_deg, rest, moving)),
         angle_deg=_together(law.left_rms, uncertain(common), moving),
+        read_deg=largest_deg(reference.trials),
         usual=tuple(
             (mean, np.where(rows, float(np.abs(trial.angle_deg).max()), deviation))
             for trial, (mean, deviation), rows in zip(data.trials, common, unvisited, strict=True)

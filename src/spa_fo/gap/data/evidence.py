@@ -18,7 +18,7 @@ from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.stages import true_pressure
-from spa_fo.rig import Calibration, CampaignData
+from spa_fo.rig import Calibration, CampaignData, Trial
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -54,6 +54,7 @@ class Evidence:
     drift_angle_deg: Floats  # (m,): at which angles
     drift_after: Integers  # (m,): how many trials came before
     usual: Usual | None = None  # what a reference says that the model misses
+    read_deg: float = 0.0  # largest angle that a reference has read
 
     @cached_property
     def reach(self) -> Reach:
@@ -61,12 +62,13 @@ class Evidence:
         grid = self.grid
         kpa = grid.pressure_kpa if grid.command_kpa is None else grid.command_kpa
         assert kpa is not None
-        # Of each trial what is reached but for a moment, which may be a dropout.
-        angle = max(float(np.quantile(np.abs(t.angle_deg), _TOP)) for t in grid.trials)
+        # A rig that is blocked, or whose sensor came off, goes as far as it did before.
+        angle = max(largest_deg(grid.trials), self.read_deg)
         pressure = float(np.abs(kpa).max())
         return Reach(
             max(angle, _SHORTEST * USUAL_DEG) / USUAL_DEG,
             max(pressure, _SHORTEST * USUAL_KPA) / USUAL_KPA,
+            self.read_deg,
         )
 
     @property
@@ -78,6 +80,11 @@ class Evidence:
     def has_pressure(self) -> bool:
         """Whether command and pressure were logged in every trial."""
         return self.grid.measured_kpa is not None and self.grid.command_kpa is not None
+
+
+def largest_deg(trials: Sequence[Trial]) -> float:
+    """Return what angle is reached in any trial but for a moment, which may be a dropout."""
+    return max(float(np.quantile(np.abs(t.angle_deg), _TOP)) for t in trials)
 
 
 def collect(data: CampaignData) -> Evidence:

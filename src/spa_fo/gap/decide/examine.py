@@ -79,6 +79,7 @@ def examine(
         expected_kpa = nominal.fit.left_out_kpa
     if beyond is not None and beyond.usual:
         everything = with_usual(everything, beyond.usual, given)
+        everything = replace(everything, read_deg=beyond.read_deg)
     if everything.grid.command_kpa is None:
         drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)

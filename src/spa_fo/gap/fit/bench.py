@@ -130,7 +130,8 @@ def bench_for(
         coefficients = usual(given, horizon)
         centre = coefficients.mean
     else:
-        angle = float(np.sqrt(np.mean(grid.angle_deg**2)))
+        # A sensor that came off may read nothing at all.
+        angle = max(float(np.sqrt(np.mean(grid.angle_deg**2))), evidence.noise_deg)
         centre, coefficients = identified(given, noise, horizon, max(lasted), angle, error_deg)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg

@@ -98,6 +98,7 @@ class Beyond:
     pressure_kpa: float = 0.0  # RMS of all of it
     # The correction itself, (rows,) by trial of the campaign, and how well it is known, deg.
     usual: tuple[tuple[Floats, Floats], ...] = ()
+    read_deg: float = 0.0  # largest angle that the reference has read
 
 
 def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> BenchNoise:

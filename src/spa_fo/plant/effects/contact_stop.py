@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Check, Effect, amplitude, shape
+from spa_fo.plant.effects.effect import Check, Effect, shape
 
 EFFECT = Effect(
     id="contact_stop",
@@ -20,13 +20,15 @@ EFFECT = Effect(
             high=360.0,
             starts=(30.0, 50.0),
         ),
-        amplitude(
+        shape(  # from a cushion to a wall
             "stiffness",
             "1",
             "its stiffness, as a multiple of the actuator's",
-            spread=1.5,
-            high=50.0,
-            start=0.6,
+            centre=1.5,
+            factor=4.0,
+            low=0.02,
+            high=100.0,
+            starts=(0.6, 10.0),
         ),
         shape(
             "softness_deg",
@@ -42,6 +44,7 @@ EFFECT = Effect(
     means="beyond some angle something pushes back",
     remedy="look for what the actuator touches there: frame, cable, table, or itself",
     shown_in=("levels",),
+    neutral={"angle_deg": 360.0},
     check=Check(
         "clear the space round the actuator and repeat the largest step",
         "what it touched is gone then",

@@ -42,10 +42,14 @@ _GOES_WITH = {
 
 @dataclass(frozen=True)
 class Reach:
-    """Largest angle and pressure of a rig, as multiples of `USUAL_DEG` and `USUAL_KPA`."""
+    """Largest angle and pressure of a rig, as multiples of `USUAL_DEG` and `USUAL_KPA`.
+
+    `read_deg` is the largest angle that the same sensor has read before, where a reference says it.
+    """
 
     angle: float = 1.0
     pressure: float = 1.0
+    read_deg: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,8 @@ class Parameter:
     goes_with : (float, float), optional
         Powers of a rig's largest angle and pressure that what is plausible goes with; by default
         as the unit says: degrees with the angle, kPa with the pressure.
+    beyond_read : bool
+        Whether it is an angle that nothing before can have been read beyond.
     """
 
     name: str
@@ -82,17 +88,23 @@ class Parameter:
     starts: tuple[float, ...] = ()
     means: str = ""
     goes_with: tuple[float, float] | None = None
+    beyond_read: bool = False
 
     def at(self, reach: Reach) -> Parameter:
-        """Return what is plausible of it on a rig of another reach; its bounds stay."""
+        """Return what is plausible of it on a rig of another reach.
+
+        Its bounds stay, but for what was read before.
+        """
         angle, pressure = self.goes_with or _GOES_WITH.get(self.unit, (0.0, 0.0))
         factor = float(reach.angle**angle * reach.pressure**pressure)
+        low = min(max(self.low, reach.read_deg), self.high) if self.beyond_read else self.low
 
         def scaled(value: float) -> float:
-            return min(max(factor * value, self.low), self.high)
+            return min(max(factor * value, low), self.high)
 
         return replace(
             self,
+            low=low,
             centre=scaled(self.centre),
             spread=self.spread if self.log else factor * self.spread,
             starts=tuple(map(scaled, self.starts)),
@@ -228,10 +240,13 @@ def shape(
     low: float,
     high: float,
     starts: tuple[float, ...] = (),
+    beyond_read: bool = False,
 ) -> Parameter:
     """Make a positive parameter, such as a time, that is mostly within a factor of its centre."""
-    spread = float(np.log(factor))
-    return Parameter(name, unit, centre, spread, low, high, True, starts or (centre,), means)
+    spread, starts = float(np.log(factor)), starts or (centre,)
+    return Parameter(
+        name, unit, centre, spread, low, high, True, starts, means, beyond_read=beyond_read
+    )
 
 
 def share(

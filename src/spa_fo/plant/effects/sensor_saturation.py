@@ -22,6 +22,7 @@ EFFECT = Effect(
             low=1.0,
             high=360.0,
             starts=(40.0, 58.0),
+            beyond_read=True,
         ),
         shape(
             "knee_deg",
