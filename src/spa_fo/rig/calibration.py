@@ -21,7 +21,6 @@ Floats = npt.NDArray[np.float64]
 _WORST_FOLD = 0.2  # of the counts' range: knots farther off a monotone curve are no noise
 _BEYOND = 0.5  # of the counts' range: as far as an error of the known angles is followed
 _MISREAD_AT, _MISREAD_STEP = 201, 0.01  # counts that it is computed at, and degrees
-_ROUNDING = 1e-18  # deg², of a spread
 _END_SLOPE_ERROR = 0.2  # assumed relative error of the slope beyond the ends, 1 sigma
 
 
@@ -245,7 +244,7 @@ def calibrate(
     if counts.size < 3:
         raise BadInput(path, f"its counts differ at {counts.size} angles only; expected 3 or more")
     knots, none = pooled @ angles, np.zeros_like(counts)
-    spread = np.sqrt(pooled @ angles**2 - knots**2 + _ROUNDING)
+    spread = np.sqrt(np.maximum(pooled @ angles**2 - knots**2, 0.0))
     raw = Calibration(file, started_s, counts, knots, none, {}, pooled, dwells)
     noise = pooled @ (variance + moved**2)
     of_known = _smoother(raw, noise, angles) @ pooled
@@ -303,7 +302,7 @@ def _smoother(raw: Calibration, noise: Floats, angles: Floats) -> Floats:
         return smoother(known)
     where = np.argmax(pooled[:, both] > 0.0, axis=0)
     order = np.argsort(where)
-    apart = np.array([_hysteresis(raw, raw.dwells)[a] for a in angles[both]])
+    apart = np.array(list(_hysteresis(raw, raw.dwells).values()))  # of the same angles
     share = np.sum(1.0 / each[both], axis=1)
     noise = 4.0 * (square * noise)[where]
     return smoother(known, Series(at[where[order]], apart[order], noise[order], share[order]))
