@@ -70,11 +70,13 @@ def test_a_part_is_said_for_what_it_closes_elsewhere(closed: float, left: tuple[
     assert (held.kind, held.sets) == ("unknown", left)
 
 
-def test_what_is_no_larger_than_expected_is_no_change_but_of_the_drive() -> None:
+def test_what_is_no_larger_than_expected_is_no_change() -> None:
     verdict = beyond_expected(answer({("creep",): 0.95}, 0.05), 0.9)
     assert (verdict.kind, verdict.sets) == ("no_gap", ())
-    drive = answer({("leak",): 0.95}, 0.05)
-    assert beyond_expected(drive, 0.9) == drive
+    drive = answer({("leak",): 0.95, (): 0.0}, 0.05)
+    assert beyond_expected(drive, 0.9, 3.5) == drive
+    assert beyond_expected(drive, 0.9).kind == "no_gap"
+    assert beyond_expected(drive, 0.9, 1.4).kind == "no_gap"
 
 
 def test_what_is_hardly_larger_than_expected_has_a_name_in_part() -> None:
@@ -87,12 +89,18 @@ def test_what_is_hardly_larger_than_expected_has_a_name_in_part() -> None:
     assert beyond_expected(found, 2.8).kind == "cause"
     assert beyond_expected(found, 3.0) == found
     drive = answer({("leak",): 0.95}, 0.05)
-    assert beyond_expected(drive, 1.5) == drive
+    assert beyond_expected(drive, 1.5, 3.0) == drive
+    assert beyond_expected(drive, 3.5, 1.5).kind == "unknown"
+    both = beyond_expected(answer({("leak", "creep"): 0.9}, 0.1), 2.8, 1.2)
+    assert both.of(("leak", "creep")).probability == pytest.approx(0.1 * 0.9)
 
 
 def test_what_is_far_larger_than_expected_is_a_change_whatever_it_is() -> None:
-    verdict = beyond_expected(answer({(): 0.9}, 0.1), 3.1)
-    assert (verdict.kind, verdict.sets) == ("unknown", ())
+    none = answer({(): 0.9}, 0.1)
+    for sizes in ((3.1,), (0.9, 3.1)):
+        verdict = beyond_expected(none, *sizes)
+        assert (verdict.kind, verdict.sets) == ("unknown", ())
+    assert beyond_expected(none, 0.9, 2.0).kind == "no_gap"
 
 
 def test_a_gap_beyond_all_that_is_expected_is_none_of_it() -> None:
@@ -129,8 +137,8 @@ def test_what_is_expected_is_noise_the_fixture_s_error_and_the_model_s() -> None
 def test_all_trials_say_how_large_a_change_is_each_as_far_as_it_was_foretold() -> None:
     grid = SimpleNamespace(angle_deg=np.repeat([1.0, 5.0], 50), counts=np.ones(100))
     known = cast(Any, SimpleNamespace(grid=grid, variance=np.full(100, 0.01)))
-    plain_deg = np.zeros(100)
-    assert times_missed(known, plain_deg, 2.0) == pytest.approx(np.sqrt(13.0) / 2.0)
+    plain_deg, beyond = np.zeros(100), cast(Any, SimpleNamespace(angle_deg=2.0))
+    assert times_missed(known, plain_deg, beyond) == pytest.approx(np.sqrt(13.0) / 2.0)
     # Where the reference never was, what is missed says next to nothing.
     unknown = cast(Any, SimpleNamespace(grid=grid, variance=np.repeat([0.01, 1e6], 50)))
-    assert times_missed(unknown, plain_deg, 2.0) == pytest.approx(0.5, rel=0.01)
+    assert times_missed(unknown, plain_deg, beyond) == pytest.approx(0.5, rel=0.01)

@@ -27,6 +27,7 @@ from spa_fo.gap.claim.claimed import (
     on_all_trials,
     times_expected,
     times_missed,
+    times_missed_of_drive,
     too_large_for_none,
 )
 from spa_fo.gap.data.hold_out import rmse
@@ -206,8 +207,9 @@ def _answered(
             verdict = too_large_for_none(verdict)
     else:
         verdict = alone_if_rare(verdict)
-        missed = times_missed(examined.everything, claimed.curves["plain"], beyond.angle_deg)
-        verdict = beyond_expected(verdict, missed)
+        missed = times_missed(examined.everything, claimed.curves["plain"], beyond)
+        of_drive = times_missed_of_drive(examined.everything, beyond)
+        verdict = beyond_expected(verdict, missed, of_drive)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
     return examined, claimed, verdict

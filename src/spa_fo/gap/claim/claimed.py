@@ -24,6 +24,7 @@ from spa_fo.gap.decide.explanation import (
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.fit.bench import DWELL, Bench
+from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import fit, without_others
@@ -188,44 +189,75 @@ def held_to(verdict: Verdict, claimed: Claim) -> Verdict:
     return replace(again, kind="unknown" if unknown or not sets else kind, sets=tuple(sets))
 
 
-def beyond_expected(verdict: Verdict, size: float) -> Verdict:
+def beyond_expected(verdict: Verdict, size: float, drive_size: float | None = None) -> Verdict:
     """Hold an answer against the size of the gap, over that of what a reference misses, too.
 
-    `size` is that ratio; see `times_missed`.
+    Beyond `CLEARLY` something has changed, whatever it is; a smaller gap has a name only as far as
+    it is on the way there, and one that is no larger than expected is none.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        The answer.
+    size : float
+        That ratio, of the angle; see `times_missed`.
+    drive_size : float, optional
+        The same of the pressure, which shows effects of the drive by itself; None where it was not
+        measured.
     """
-    if size <= 1.0:
-        if _of_drive(verdict):
-            return verdict
-        scored = [replace(s, probability=0.0 if s.named else 1.0) for s in verdict.scored]
-        scored.sort(key=lambda s: -s.probability)
-        return judge(scored, 0.0, verdict.unknown_drive)
-    if size > CLEARLY:
-        return too_large_for_none(verdict)
-    if size < CLEARLY and not _of_drive(verdict):
-        # What is hardly larger than what is missed anyway has a name only as far as it is.
-        trust = (size - 1.0) / (CLEARLY - 1.0)
-        scored = [
-            replace(s, probability=trust * s.probability) if s.named else s for s in verdict.scored
-        ]
-        scored.sort(key=lambda s: -s.probability)
-        lost = sum(s.probability for s in verdict.scored if s.named) * (1.0 - trust)
-        again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
-        sets = tuple(named for named in again.sets if named in verdict.sets)
-        unknown = verdict.kind == "unknown" or (again.kind != "no_gap" and not sets)
-        return replace(again, kind="unknown" if unknown else again.kind, sets=sets)
-    return verdict
+    largest = max(size, drive_size or 0.0)
+    if largest > CLEARLY:
+        verdict = too_large_for_none(verdict)
+    shares = {s.named: _trust(s.named, size, drive_size) for s in verdict.scored}
+    lost = sum(s.probability * (1.0 - shares[s.named]) for s in verdict.scored)
+    nothing = size <= 1.0 and largest <= CLEARLY
+    if not nothing and not lost:
+        return verdict
+    unknown = 0.0 if nothing else verdict.unknown + lost
+    more = verdict.unknown + lost if nothing else 0.0
+    scored = [
+        replace(s, probability=shares[s.named] * s.probability + (0.0 if s.named else more))
+        for s in verdict.scored
+    ]
+    scored.sort(key=lambda s: -s.probability)
+    again = judge(scored, unknown, verdict.unknown_drive)
+    sets = tuple(named for named in again.sets if named in verdict.sets)
+    if again.kind == "no_gap":
+        return again
+    return replace(
+        again, kind=again.kind if sets and verdict.kind != "unknown" else "unknown", sets=sets
+    )
 
 
-def times_missed(everything: Evidence, plain_deg: Floats, expected_deg: float) -> float:
+def _trust(named: Ids, size: float, drive_size: float | None) -> float:
+    """Say how far a set may have its name: as far as each of its parts shows clearly."""
+    sizes = [
+        size if drive_size is None or LIBRARY[name].stage != "drive" else drive_size
+        for name in named
+    ]
+    return float(np.clip((min(sizes, default=CLEARLY) - 1.0) / (CLEARLY - 1.0), 0.0, 1.0))
+
+
+def times_missed(everything: Evidence, plain_deg: Floats, beyond: Beyond) -> float:
     """Give the RMS of the gap over what a law learned from a reference misses of other trials.
 
     No trial took part in learning that, so all of them say it. Samples count the less the less the
     law knows of them.
     """
     grid = everything.grid
-    weights = grid.counts / (1.0 + everything.variance / expected_deg**2)
+    weights = grid.counts / (1.0 + everything.variance / beyond.angle_deg**2)
     squares = (grid.angle_deg - plain_deg) ** 2
-    return float(np.sqrt(np.average(squares, weights=weights))) / expected_deg
+    return float(np.sqrt(np.average(squares, weights=weights))) / beyond.angle_deg
+
+
+def times_missed_of_drive(everything: Evidence, beyond: Beyond) -> float | None:
+    """Give the same of the pressure; None where that was not compared."""
+    grid = everything.grid
+    if grid.measured_kpa is None or grid.command_kpa is None or not beyond.pressure_kpa:
+        return None
+    left = grid.measured_kpa - grid.sampled(grid.command_kpa)
+    expected = np.hypot(beyond.pressure_kpa, everything.pressure_noise_kpa)
+    return float(np.sqrt(np.average(left**2, weights=grid.counts)) / expected)
 
 
 def too_large_for_none(verdict: Verdict) -> Verdict:
@@ -254,11 +286,6 @@ def times_expected(examined: Examined, plain_deg: Floats) -> float:
         parts.append(final * float(np.sqrt(np.mean(everything.grid.angle_deg**2))))
     every = np.ones(plain_deg.size, dtype=bool)
     return rmse(everything, plain_deg, every) / float(np.linalg.norm(parts))
-
-
-def _of_drive(verdict: Verdict) -> bool:
-    """Whether an answer holds an effect of the drive, which the pressure shows by itself."""
-    return any(LIBRARY[name].stage == "drive" for named in verdict.sets for name in named)
 
 
 # --- the model -----------------------------------------------------------------------------------
