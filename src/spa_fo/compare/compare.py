@@ -27,6 +27,7 @@ from spa_fo.gap.noise.coloured import Scatter, Spectrum, estimate, misfit, scatt
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented
+from spa_fo.plant.grid import acting_command
 from spa_fo.rig import CampaignData, Trial
 from spa_fo.rig.trials import before_first_change
 
@@ -35,6 +36,9 @@ Progress = Callable[[str], None]
 
 SCHEMA = "spa-fo/comparison/1"
 NOTHING_CHANGED = "nothing_changed"
+_JUMP = 0.02  # of the commands' range, from one sample to the next
+_ABOUT = 5  # samples about it
+_MOST = 0.5  # of a trial
 _WHITE = 1e-3  # deg or kPa: what is averaged holds next to no white noise
 
 
@@ -264,9 +268,19 @@ def shows_drive(trial: Trial) -> bool:
 
 
 def lost_in_drive(trial: Trial) -> Signal:
-    """Return what the pressure of a trial differs from its command by."""
-    command = _of(trial.command_kpa)
-    return Signal(trial.started_s, trial.t_s, command, _of(trial.pressure_kpa) - command)
+    """Return what the pressure of a trial differs from its command by.
+
+    About a jump it says when, not how much, and is doubtful. Where that would be most of a trial
+    the command does not jump, it moves: what a row shows then differs from what acted on it.
+    """
+    command, pressure = _of(trial.command_kpa), _of(trial.pressure_kpa)
+    step = np.abs(np.diff(command, prepend=command[0]))
+    jumps = step > _JUMP * np.ptp(command)
+    about = np.convolve(jumps, np.ones(_ABOUT), mode="same") > 0.0
+    if about.mean() < _MOST:
+        return Signal(trial.started_s, trial.t_s, command, pressure - command, about)
+    acting = acting_command(trial)
+    return Signal(trial.started_s, trial.t_s, acting, pressure - acting)
 
 
 def uncertain(found: Sequence[tuple[Floats, Floats]]) -> float:

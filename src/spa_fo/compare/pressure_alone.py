@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.compare import Comparison, lost_in_drive, noise_of, shows_drive, uncertain
-from spa_fo.compare.fading_memory import Signal, learn
+from spa_fo.compare.fading_memory import learn
 from spa_fo.errors import BadInput
 from spa_fo.gap.answer.findings import drive_finding
 from spa_fo.gap.answer.intervals import drive_intervals
@@ -32,16 +32,12 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.effect import STAGES
 from spa_fo.plant.effects.library import COMMONEST, LIBRARY
-from spa_fo.plant.grid import acting_command
 from spa_fo.rig import CampaignData, Trial
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 Progress = Callable[[str], None]
 
-_JUMP = 0.02  # of the commands' range, from one sample to the next
-_ABOUT = 5  # samples about it
-_MOST = 0.5  # of a trial
 _QUICK = (1.9, 0.9, 20.0, 100.0)  # of what stands for an actuator: it follows in 0.2 s
 _NO_ANGLE = "no angle was logged: actuator and sensor are not seen"
 _LOG_IT = Step("log the angle as well", "the actuator and the sensor may have changed unseen")
@@ -89,7 +85,7 @@ def compare_pressure(
                     trial.label,
                 )
     progress(f"learning what the drive does in {len(reference.trials)} trials of the reference")
-    lost, there = ([_lost(trial) for trial in each.trials] for each in (reference, data))
+    lost, there = ([lost_in_drive(trial) for trial in each.trials] for each in (reference, data))
     law = learn(lost)
     usual = law.predict(there)
     spectrum, _ = noise_of(law, lost, [signal.input for signal in lost], usual)
@@ -107,22 +103,6 @@ def compare_pressure(
     change = _said(evidence, held, drive, x, tuple(excluded), expected, seed)
     unvisited = float(np.mean(np.concatenate(law.unvisited(there))))
     return Comparison(reference, data, change, None, law, common, unvisited, None)
-
-
-def _lost(trial: Trial) -> Signal:
-    """Return what pressure differs from command by.
-
-    About a jump it says when, not how much, and is doubtful. Where that would be most of a trial
-    the command does not jump, it moves: what a row shows then differs from what acted on it.
-    """
-    signal = lost_in_drive(trial)
-    step = np.abs(np.diff(signal.input, prepend=signal.input[0]))
-    jumps = step > _JUMP * np.ptp(signal.input)
-    about = np.convolve(jumps, np.ones(_ABOUT), mode="same") > 0.0
-    if about.mean() < _MOST:
-        return replace(signal, doubtful=about)
-    acting = acting_command(trial)
-    return replace(signal, input=acting, missed=signal.missed + signal.input - acting)
 
 
 def _without(trial: Trial, usual: Floats) -> Trial:

@@ -24,6 +24,7 @@ from spa_fo.gap.decide.explanation import (
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.fit.bench import DWELL, Bench
+from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
@@ -256,8 +257,10 @@ def times_missed_of_drive(everything: Evidence, beyond: Beyond) -> float | None:
     if grid.measured_kpa is None or grid.command_kpa is None or not beyond.pressure_kpa:
         return None
     left = grid.measured_kpa - grid.sampled(grid.command_kpa)
-    expected = np.hypot(beyond.pressure_kpa, everything.pressure_noise_kpa)
-    return float(np.sqrt(np.average(left**2, weights=grid.counts)) / expected)
+    expected = float(np.hypot(beyond.pressure_kpa, everything.pressure_noise_kpa))
+    # About a jump a sample says when the pressure changed, not how much.
+    weights = grid.counts / (1.0 + (timing_error(everything) / expected) ** 2)
+    return float(np.sqrt(np.average(left**2, weights=weights))) / expected
 
 
 def too_large_for_none(verdict: Verdict) -> Verdict:
