@@ -150,7 +150,13 @@ def _draw_calibration(
             of_kind = f"{label}: {own[kind]['ece']['value']:.2f}"
             _draw_bins(kinds, own[kind]["bins"], colour, marker, of_kind)
     kinds.set_title("by kind of case, with the error of each", loc="left")
-    kinds.legend(loc="best", fontsize=6)
+    _legend_beside(kinds, kinds)
+
+
+def _legend_beside(axes: Axes, of: Axes) -> None:
+    """Put the legend of some axes on the right of these, where no interval is."""
+    labelled = of.get_legend_handles_labels()
+    axes.legend(*labelled, loc="center left", bbox_to_anchor=(1.02, 0.5), fontsize=6)
 
 
 def _draw_bins(
@@ -234,7 +240,7 @@ def shrink_figure(points: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
     figure = new_figure(TWO_COLUMNS_IN, 3.0 * len(points), _grid(points, 2))
     for (claims, refit), (rig, own) in zip(_pairs(figure), points.items(), strict=True):
         _draw_shrink(claims, refit, own)
-        claims.set_title(f"{rig_name(rig)}: claimed against realised, band of ±0.1", loc="left")
+        claims.set_title(f"{rig_name(rig)}: band of ±0.1", loc="left")
         refit.set_title("what the explanation adds to refitting", loc="left")
     return figure
 
@@ -268,4 +274,4 @@ def _draw_shrink(claims: Axes, refit: Axes, points: Sequence[Mapping[str, Any]])
     claims.set_xlabel("claimed fraction closed, 95 % interval")
     refit.set_xlabel("fraction closed by refitting alone")
     if points:
-        claims.legend(loc="upper left", fontsize=6)
+        _legend_beside(refit, claims)
