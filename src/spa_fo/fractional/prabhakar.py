@@ -178,9 +178,10 @@ def mittag_leffler(
     -------
     ndarray
         Same shape as z; infinite where the result overflows. For z <= 0 the error is below
-        5e-11 max(1, |E|), mostly 1e-14; where beta < 0 the integrand is as large as |z|^((1 - beta) /
-        alpha), and 1e-15 times that comes on top. For z > 0 it is relative, of the order 1e-13 times
-        1 + z^(1/alpha) (the condition of the function), as long as E is not much smaller than 1.
+        5e-11 max(1, |E|), mostly 1e-14; where beta < 0 the integrand is as large as
+        |z|^((1 - beta) / alpha), and 1e-15 times that comes on top. For z > 0 it is relative, of
+        the order 1e-13 times 1 + z^(1/alpha) (the condition of the function), as long as E is not
+        much smaller than 1.
 
     Raises
     ------
