@@ -66,7 +66,7 @@ blind: $(INSTALLED)
 
 blind-small: $(INSTALLED)
 	$(BIN)/snakemake --cores $(CORES) --configfile tests/reduced/blind_small.yaml -- blind
-	$(BIN)/python -m blind.judge.check --beyond-chance build/blind_small/blind/scores.json
+	$(BIN)/python -m blind.judge.check --beyond-chance --published docs/blind/scores.json build/blind_small/blind/scores.json
 
 report: reproduce
 	$(BIN)/snakemake --cores $(CORES) --report results/report.html \

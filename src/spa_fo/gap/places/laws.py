@@ -77,13 +77,13 @@ def fitted_laws(bench: Bench, base: Fitted, least: float = -np.inf) -> tuple[Flo
     without = _without_law(bench, base, factors)
     screened = []
     for basis, start in _candidates(bench, base):
-        with suppress(TooSteep):  # too steep for any motion: there is no such law
+        with suppress(TooSteep, np.linalg.LinAlgError):  # too steep for any motion, or to compute
             screened.append(fit_law(bench, start, basis, factors, rounds=1))
     screened.sort(key=lambda fit: -standing(fit.logs))
     worth = [fit for fit in screened[:_FITTED] if standing(fit.logs) >= least]
     for k, fit in enumerate(worth):
         start = replace(base, changed=fit.beside.changed)
-        with suppress(TooSteep):  # what lies beyond the screening is too steep
+        with suppress(TooSteep, np.linalg.LinAlgError):  # beyond the screening it is too steep
             screened[k] = fit_law(bench, start, fit.basis, factors)
     # Of the variants of one place the best stands.
     screened.sort(key=lambda fit: standing(fit.logs))
