@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo._jit import njit
-from spa_fo.plant.memory import LEVELS, STEPS_S, mode_weights
+from spa_fo.plant.memory import STEPS_S, coast, keep_modes, push, stepper
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -51,33 +51,15 @@ def follow(
     reference_kpa : float
         Pressure at which u = 1.
     """
-    n = nodes.size
-    weights, pole = mode_weights(x, nodes, angles, node_weights)
-    pole_keep = np.ones(LEVELS, dtype=np.complex128)
-    pole_gain = np.zeros(LEVELS, dtype=np.complex128)
-    direct = np.zeros(LEVELS)
-    for k in range(LEVELS):
-        if pole != 0j:
-            pole_keep[k] = np.exp(pole * STEPS_S[k])
-            pole_gain[k] = (pole_keep[k] - 1.0) / pole
-        total = weights[n] * pole_gain[k]
-        for j in range(n):
-            total += weights[j] * gain[k, j]
-        direct[k] = math.degrees(total.imag)
-
+    linear = stepper(x, nodes, angles, node_weights, keep, gain, modes)
+    direct = np.degrees(linear.direct)
     stress = np.zeros(over.size)
     out = np.empty(load.size)
     angle = 0.0
     for i in range(load.size):
         k = level[i]
         h = STEPS_S[k]
-        free = 0.0
-        for j in range(n):
-            modes[j] = keep[k, j] * modes[j]
-            free += weights[j].real * modes[j].imag + weights[j].imag * modes[j].real
-        modes[n] = pole_keep[k] * modes[n]
-        free += weights[n].real * modes[n].imag + weights[n].imag * modes[n].real
-        free = math.degrees(free)
+        free = math.degrees(coast(linear, k))
         new = angle
         low, high = -math.inf, math.inf
         solved = False
@@ -98,18 +80,17 @@ def follow(
                 break
         if not solved:
             out[i:] = math.nan
-            return out
+            break
         added, _ = _law(kind, over, values, angle, new, h, stress)
         v = load[i] + added / reference_kpa
-        for j in range(n):
-            modes[j] += gain[k, j] * v
-        modes[n] += pole_gain[k] * v
+        push(linear, k, v)
         if kind == RELAXATION:
             for j in range(over.size):
                 lost = -math.expm1(-h / over[j])
                 stress[j] = stress[j] * (1.0 - lost) + (new - angle) * lost * over[j] / h
         angle = new
         out[i] = angle
+    keep_modes(linear, modes)
     return out
 
 

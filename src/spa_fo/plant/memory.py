@@ -20,11 +20,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo._jit import njit
+from spa_fo._jit import njit, njit_inlined
 from spa_fo.fractional.characteristic import cexp, find_pole
 
 Floats = NDArray[np.float64]
@@ -37,6 +38,9 @@ STEPS_S = FINEST_STEP_S * 2.0 ** np.arange(LEVELS)
 _SPACING = 0.62
 _RATES = np.exp(np.arange(math.log(1e-5), math.log(1e3), _SPACING))
 MODES = _RATES.size + 1  # the last one is the pole's
+
+_WIDTH = 32  # room for all modes, a power of two
+_HALVES = (16, 8, 4, 2, 1)  # by which it is summed
 
 _NO_POLE = 0.75 * math.pi
 _FASTER = 40  # nodes beyond the last one, up to 6e13/s: a small order has much of its gain there
@@ -129,3 +133,101 @@ def _less_pole(x: Floats, s: complex, angle: float, pole: complex, residue: comp
     if residue != 0j:
         g -= residue / (s - pole) + residue.conjugate() / (s - pole.conjugate())
     return g
+
+
+class Stepper(NamedTuple):
+    """The modes made ready to be stepped; beyond `MODES` there are zeros.
+
+    Real and imaginary parts stand apart, and products are summed by halves: a processor does
+    several of them at a time, and takes half as long as for one mode after another.
+
+    Attributes
+    ----------
+    keep_re, keep_im, gain_re, gain_im : (LEVELS, width) arrays
+        As a `Contour` has them, the pole's last.
+    weights_re, weights_im, re, im : (width,) arrays
+        The angle is Im(sum of weights·modes).
+    parts : (width,) array
+        Room for the products.
+    direct : (LEVELS,) array
+        What a load of 1 adds to the angle within a step.
+    """
+
+    keep_re: Floats
+    keep_im: Floats
+    gain_re: Floats
+    gain_im: Floats
+    weights_re: Floats
+    weights_im: Floats
+    re: Floats
+    im: Floats
+    parts: Floats
+    direct: Floats
+
+
+@njit
+def stepper(
+    x: Floats,
+    nodes: Complexes,
+    angles: Floats,
+    node_weights: Complexes,
+    keep: Complexes,
+    gain: Complexes,
+    modes: Complexes,
+) -> Stepper:
+    """Make the modes ready for an actuator with the coefficients `x`; see `Contour`."""
+    n = nodes.size
+    weights, pole = mode_weights(x, nodes, angles, node_weights)
+    kept, gained = np.ones((LEVELS, n + 1), np.complex128), np.zeros((LEVELS, n + 1), np.complex128)
+    kept[:, :n], gained[:, :n] = keep, gain
+    if pole != 0j:
+        kept[:, n] = np.exp(pole * STEPS_S)
+        gained[:, n] = (kept[:, n] - 1.0) / pole
+    direct = np.array([np.sum(weights * own).imag for own in gained])
+    keep_re, keep_im = _wide(kept.real), _wide(kept.imag)
+    gain_re, gain_im = _wide(gained.real), _wide(gained.imag)
+    by = np.empty((2, n + 1), np.complex128)
+    by[0], by[1] = weights, modes
+    re, im = _wide(by.real), _wide(by.imag)
+    parts = np.zeros(_WIDTH)
+    return Stepper(keep_re, keep_im, gain_re, gain_im, re[0], im[0], re[1], im[1], parts, direct)
+
+
+@njit
+def _wide(values: Floats) -> Floats:
+    """Fill rows up with zeros."""
+    out = np.zeros((values.shape[0], _WIDTH))
+    out[:, : values.shape[1]] = values
+    return out
+
+
+@njit_inlined
+def coast(s: Stepper, level: int) -> float:
+    """Step all modes without a load; returns the angle (rad) that they make."""
+    keep_re, keep_im, re, im, parts = s.keep_re[level], s.keep_im[level], s.re, s.im, s.parts
+    weights_re, weights_im = s.weights_re, s.weights_im
+    for j in range(_WIDTH):
+        real = keep_re[j] * re[j] - keep_im[j] * im[j]
+        imaginary = keep_re[j] * im[j] + keep_im[j] * re[j]
+        re[j], im[j] = real, imaginary
+        parts[j] = weights_re[j] * imaginary + weights_im[j] * real
+    for half in _HALVES:
+        for j in range(half):
+            parts[j] += parts[j + half]
+    return float(parts[0])
+
+
+@njit_inlined
+def push(s: Stepper, level: int, load: float) -> None:
+    """Add what a load makes of the modes within the step that they have coasted."""
+    gain_re, gain_im, re, im = s.gain_re[level], s.gain_im[level], s.re, s.im
+    for j in range(_WIDTH):
+        re[j] += gain_re[j] * load
+        im[j] += gain_im[j] * load
+
+
+@njit
+def keep_modes(s: Stepper, modes: Complexes) -> None:
+    """Write the modes back to where they came from."""
+    for j in range(modes.size):
+        modes[j] = complex(s.re[j], s.im[j])

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from spa_fo.gap.data.evidence import Evidence, modelled_pressure
 from spa_fo.gap.data.searched import Slot
@@ -20,6 +18,7 @@ from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.noise.whitening import Whitening
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import Parameter
+from spa_fo.plant.effects.line_lag import low_pass
 from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]
@@ -99,14 +98,10 @@ def lagged(cells_kpa: Floats, starts: Integers, lag_s: float) -> Floats:
     """
     if lag_s <= 0.0:
         return cells_kpa
-    decay = float(np.exp(-FINEST_STEP_S / lag_s))
-    within = lag_s / FINEST_STEP_S * (1.0 - decay)
-    shown = np.empty_like(cells_kpa)
-    for first, end in pairwise(starts.tolist()):
-        held = cells_kpa[first:end]
-        state = lfilter([0.0, 1.0 - decay], [1.0, -decay], held - held[0]) + held[0]
-        shown[first:end] = held + within * (state - held)
-    return shown
+    rest = np.repeat(cells_kpa[starts[:-1]], np.diff(starts))
+    shown = cells_kpa - rest
+    low_pass(shown, starts, lag_s)
+    return rest + shown
 
 
 def resolution(evidence: Evidence) -> float:
@@ -152,7 +147,8 @@ class PressureProblem(Explained):
 
     def cells(self, z: Floats) -> Floats:
         """Give the true pressure on the grid's cells, kPa."""
-        return modelled_pressure(self.evidence, self.effects(z))
+        own = self.effects(z)
+        return self.once("cells", own, lambda: modelled_pressure(self.evidence, own))
 
     def shown(self, z: Floats) -> Floats:
         """Pressure on the grid's cells as the sensor shows it, kPa."""

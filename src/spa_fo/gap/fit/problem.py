@@ -130,7 +130,7 @@ class AngleProblem(Explained):
         n, (y, _), slopes = rows.size, self.predict(z), self.slopes(z)
         gain, scale = slopes[:n, LN_GAIN], slopes[:n, : self.free] @ quicker(z)
         out = self._still.copy()
-        out[:n, self.moving] = rows.merged(self._of_reading(y))
+        out[:n, self.moving] = self._of_reading(rows.merged(y))
         out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
         every, trial = np.arange(n), self.trial
         own = self.own[np.searchsorted(self.trials, trial)].T
@@ -166,14 +166,14 @@ class AngleProblem(Explained):
         """Columns of a wrong curve and of wrong known angles, about what is read at a point."""
         (y, _), n = self.predict(z), self.rows.size
         out = self._still[:, self.moving]
-        out[:n] = self.rows.merged(self._of_reading(y))
+        out[:n] = self._of_reading(self.rows.merged(y))
         return out
 
     def slopes_beside(self, z: Floats, b: Floats) -> Floats:
         """Slopes of the prediction and of what a wrong curve and wrong known angles make of it."""
-        (y, _), slopes, n = self.predict(z), self.slopes(z).copy(), self.rows.size
+        y, slopes, n = self.rows.merged(self.predict(z)[0]), self.slopes(z).copy(), self.rows.size
         ends = [self._of_reading(y + side * _KINK_DEG) @ b[self.moving] for side in (0.5, -0.5)]
-        slopes[:n] *= 1.0 + self.rows.merged((ends[0] - ends[1]) / _KINK_DEG)[:, None]
+        slopes[:n] *= 1.0 + (ends[0] - ends[1])[:, None] / _KINK_DEG
         return slopes
 
     def _of_reading(self, angle_deg: Floats) -> Floats:

@@ -27,6 +27,9 @@ from spa_fo.plant.lawful import TooSteep, with_law
 
 Floats = NDArray[np.float64]
 
+ROUNDS = 4
+"""How often a problem is made linear; once is a screening."""
+
 _STEP = 0.02  # of what a law is beforehand, for a slope
 _MOST = 30.0  # times that: what is larger moves nothing, as the rest takes it back
 
@@ -92,7 +95,7 @@ def fit_law(
     base: Fitted,
     basis: Basis,
     factors: Sequence[Factor],
-    rounds: int = 4,
+    rounds: int = ROUNDS,
     begin: tuple[float, Floats] | None = None,
 ) -> LawFit:
     """Fit a law with all that stands beside it, by Gauss and Newton.

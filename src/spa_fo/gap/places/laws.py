@@ -31,9 +31,10 @@ from spa_fo.gap.places.law_basis import (
     order_basis,
     relaxation_basis,
 )
-from spa_fo.gap.places.law_problem import LawFit, fit_law
+from spa_fo.gap.places.law_problem import ROUNDS, LawFit, fit_law
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.gap.together import each
 from spa_fo.plant.lawful import TooSteep
 from spa_fo.plant.memory import STEPS_S
 
@@ -75,19 +76,32 @@ def fitted_laws(bench: Bench, base: Fitted, least: float = -np.inf) -> tuple[Flo
     """
     factors = [bench.whitening.factor(base.level, s) for s in (SETTINGS.search_share, *SHARES)]
     without = _without_law(bench, base, factors)
-    screened = []
-    for basis, start in _candidates(bench, base):
-        with suppress(TooSteep, np.linalg.LinAlgError):  # too steep for any motion, or to compute
-            screened.append(fit_law(bench, start, basis, factors, rounds=1))
+    rough = _fits(bench, list(_candidates(bench, base)), factors, rounds=1)
+    screened = [fit for fit in rough if fit is not None]
     screened.sort(key=lambda fit: -standing(fit.logs))
-    worth = [fit for fit in screened[:_FITTED] if standing(fit.logs) >= least]
-    for k, fit in enumerate(worth):
-        start = replace(base, changed=fit.beside.changed)
-        with suppress(TooSteep, np.linalg.LinAlgError):  # beyond the screening it is too steep
-            screened[k] = fit_law(bench, start, fit.basis, factors)
+    best = [fit for fit in screened[:_FITTED] if standing(fit.logs) >= least]
+    again = [(fit.basis, replace(base, changed=fit.beside.changed)) for fit in best]
+    for k, fit in enumerate(_fits(bench, again, factors)):
+        screened[k] = fit or best[k]  # beyond the screening it may be too steep
     # Of the variants of one place the best stands.
     screened.sort(key=lambda fit: standing(fit.logs))
     return without, list({fit.basis.place: fit for fit in screened}.values())
+
+
+def _fits(
+    bench: Bench,
+    candidates: Sequence[tuple[Basis, Fitted]],
+    factors: Sequence[Factor],
+    rounds: int = ROUNDS,
+) -> list[LawFit | None]:
+    """Fit laws beside what is known; None is one too steep for any motion, or to compute."""
+
+    def tried(candidate: tuple[Basis, Fitted]) -> LawFit | None:
+        with suppress(TooSteep, np.linalg.LinAlgError):
+            return fit_law(bench, candidate[1], candidate[0], factors, rounds)
+        return None
+
+    return each(tried, candidates)
 
 
 def law_at(bench: Bench, base: Fitted, place: str) -> LawFit:

@@ -26,6 +26,7 @@ from spa_fo.gap.search.fitted import (
     Fitted,
     begun,
     fit,
+    problem_of,
     settled,
     weighed,
     without_others,
@@ -92,7 +93,7 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
     names : sequence of str
         Effects; those of the explanation are left out.
     """
-    problem = AngleProblem(bench, base.ids, base.changed)
+    problem = problem_of(bench, base)
     factor = bench.whitening.factor(1.0, SETTINGS.search_share)
     linear = problem.linear(base.z)
     own = problem.white(factor, np.hstack([linear.columns, linear.slopes @ problem.root]))
@@ -293,7 +294,7 @@ def _with_line(
     allowed = [f for f in fits.values() if not set(f.ids) & set(excluded)]
     best = weighed(bench, max(allowed, key=_worth))
     share = SHARES[int(np.argmax(best.logs))]
-    problem = AngleProblem(bench, best.ids, best.changed)
+    problem = problem_of(bench, best)
     factor = bench.whitening.factor(best.level, min(share, SHARES[3]))
     linear, n = problem.linear(best.z), problem.rows.size
     white = bench.whitening.white(factor, np.hstack([linear.columns[:n], linear.slopes[:n]]))

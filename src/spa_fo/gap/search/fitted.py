@@ -41,8 +41,8 @@ class Fitted:
         Its effects.
     changed : bool
         Whether an unknown sensor curve was taken for that of later calibrations too.
-    z : array
-        Searched coefficients and parameters.
+    z, slopes : array, (rows, parameters) array
+        Searched coefficients and parameters, and slopes of the prediction over them.
     effects : array
         Parameters of all effects that are simulated, NaN where absent.
     predicted_deg, shared_deg : (n,) arrays
@@ -80,6 +80,7 @@ class Fitted:
     ids: Ids
     changed: bool
     z: Floats
+    slopes: Floats
     effects: Floats
     predicted_deg: Floats
     shared_deg: Floats
@@ -156,12 +157,19 @@ def settled(
     most: int = _MOST_TRIED,
 ) -> Fitted:
     """Go on with a rough fit to its end, with the nuisances' variances that it has found."""
-    problem = AngleProblem(bench, rough.ids, rough.changed)
+    problem = problem_of(bench, rough)
     factor = bench.whitening.factor(1.0, share)
     found = problem.search(rough.z, factor, problem.spread(rough.variances), _ENOUGH, most)
     tried, rejected = rough.tried + found.tried, rough.rejected + found.rejected
     found = replace(found, tried=tried, rejected=rejected)
     return _fitted(problem, found, factor, rough.variances, plain)
+
+
+def problem_of(bench: Bench, fitted: Fitted, trend: bool = False) -> AngleProblem:
+    """Make the problem again that was fitted, on the same bench; its slopes there are known."""
+    problem = AngleProblem(bench, fitted.ids, fitted.changed, trend)
+    problem.once("slopes", fitted.z, lambda: fitted.slopes)
+    return problem
 
 
 def _fitted(
@@ -187,6 +195,7 @@ def _fitted(
         ids=ids,
         changed=problem.changed,
         z=linear.z,
+        slopes=linear.slopes,
         effects=problem.effects(linear.z),
         predicted_deg=predicted,
         shared_deg=shared,
@@ -238,7 +247,7 @@ def _moved(problem: AngleProblem, fitted: Fitted, plain: Fitted | None) -> dict[
 
 def weighed(bench: Bench, fitted: Fitted) -> Fitted:
     """Weigh a fit at every share that it may miss, at the best level of the noise."""
-    problem = AngleProblem(bench, fitted.ids, fitted.changed)
+    problem = problem_of(bench, fitted)
     linear = problem.linear(fitted.z)
 
     @cache
@@ -279,9 +288,7 @@ def _by_repeats(problem: AngleProblem, solution: Solution) -> float:
 
 def _trend(bench: Bench, fitted: Fitted, factor: Factor) -> tuple[float, float]:
     """Weigh what goes with the trials' order: nats, and its RMS over the rows, deg."""
-    with_it, without = (
-        AngleProblem(bench, fitted.ids, fitted.changed, trend=trend) for trend in (True, False)
-    )
+    with_it, without = (problem_of(bench, fitted, trend) for trend in (True, False))
     linear = with_it.linear(fitted.z)
     bare = replace(linear, columns=np.delete(linear.columns, with_it.trends, axis=1))
     more, solution, _ = with_it.weigh(linear, factor, fitted.variances, rounds=3)

@@ -21,7 +21,7 @@ from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS, soften, virgi
 from spa_fo.plant.effects.shared import CREEP_TIMES_S, Floats, Integers, creep_sizes
 from spa_fo.plant.effects.stiffening import stiffening_moment
 from spa_fo.plant.effects.thermal_drift import drifted_gain
-from spa_fo.plant.memory import LEVELS, STEPS_S, Complexes, mode_weights
+from spa_fo.plant.memory import LEVELS, STEPS_S, Complexes, coast, keep_modes, push, stepper
 
 STIFFENING = LIBRARY["stiffening"].first
 GRAVITY_LOAD = LIBRARY["gravity_load"].first
@@ -32,6 +32,7 @@ HYSTERESIS = LIBRARY["hysteresis"].first
 THERMAL_DRIFT = LIBRARY["thermal_drift"].first
 
 _NEWTON = 6
+_SETTLED = 1e-7  # rad; the error that a step of Newton leaves is of the order of its square
 
 
 @njit
@@ -74,20 +75,10 @@ def move(
         State, carried on in place: modes of the fractional memory, creep elements (rad), friction
         stops (deg of their own travel; the last entry is the angle, rad), virgin share by level.
     """
-    n = nodes.size
-    weights, pole = mode_weights(x, nodes, angles, node_weights)
-    pole_keep = np.ones(LEVELS, dtype=np.complex128)
-    pole_gain = np.zeros(LEVELS, dtype=np.complex128)
-    direct = np.zeros(LEVELS)
+    linear = stepper(x, nodes, angles, node_weights, keep, gain, modes)
+    direct = linear.direct
     creep_keep = np.empty((LEVELS, creep.size))
     for k in range(LEVELS):
-        if pole != 0j:
-            pole_keep[k] = np.exp(pole * STEPS_S[k])
-            pole_gain[k] = (pole_keep[k] - 1.0) / pole
-        total = weights[n] * pole_gain[k]
-        for j in range(n):
-            total += weights[j] * gain[k, j]
-        direct[k] = total.imag
         for j in range(creep.size):
             creep_keep[k, j] = math.exp(-STEPS_S[k] / CREEP_TIMES_S[j])
 
@@ -111,23 +102,16 @@ def move(
         creep_size = creep_sizes(e[CREEP], e[CREEP + 1], e[CREEP + 2])
 
     out = np.empty(load.size)
-    angle, known = stops[STOPS], 0.0
+    angle, known, lost = stops[STOPS], 0.0, 0.0
     for i in range(load.size):
         k = level[i]
         u = load[i]
         if drifting:
             u *= drifted_gain(time_s[i] / 3600.0, e[THERMAL_DRIFT], e[THERMAL_DRIFT + 1])
-        free = 0.0
-        for j in range(n):
-            z = keep[k, j] * modes[j]
-            modes[j] = z
-            free += weights[j].real * z.imag + weights[j].imag * z.real
-        z = pole_keep[k] * modes[n]
-        modes[n] = z
-        free += weights[n].real * z.imag + weights[n].imag * z.real
+        free = coast(linear, k)
         v = u
         if looped:
-            new = free + direct[k] * u
+            new = free + direct[k] * (u - lost)  # as much as in the step before, to begin with
             missed = 0.5 * (known + usual[i])
             for _ in range(_NEWTON):
                 middle = 0.5 * (angle + new) + missed
@@ -160,12 +144,11 @@ def move(
                 excess = new - free - direct[k] * v
                 change = excess / (1.0 + 0.5 * direct[k] * slope / static)
                 new -= change
-                if abs(change) < 1e-9:
+                if abs(change) < _SETTLED:
                     break
             v = (new - free) / direct[k]
-        for j in range(n):
-            modes[j] += gain[k, j] * v
-        modes[n] += pole_gain[k] * v
+            lost = u - v
+        push(linear, k, v)
         new = free + direct[k] * v
         if rubbing:
             rub(new - angle + usual[i] - known, stops, radii)
@@ -184,4 +167,5 @@ def move(
         if creeping:
             out[i] = known + crept(angle, creep, creep_keep[k], creep_size, static, u)
     stops[STOPS] = angle
+    keep_modes(linear, modes)
     return out
