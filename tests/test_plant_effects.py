@@ -15,6 +15,7 @@ import naive_plant as naive
 from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, triangle, vector
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
+from spa_fo.gap.data.searched import at_rate
 from spa_fo.plant.chain import Chain, Memory, Usual, chain_for, static_gain
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
@@ -184,12 +185,15 @@ def test_a_contour_serves_neighbouring_coefficients(factor: float) -> None:
     np.testing.assert_allclose(modal_step(x, level, X), expected, atol=2e-3 * x[4] / x[3])
 
 
-@pytest.mark.parametrize(("longest", "tolerance_deg"), [(0, 0.02), (4, 0.4)])
-def test_without_effects_it_is_the_linear_model(longest: int, tolerance_deg: float) -> None:
-    own = trials(step_release(), triangle(), step_release(0.5 * SIXTY))
-    for found, t in zip(angles(own, absent(), longest=longest), own, strict=True):
+@pytest.mark.parametrize("rate", [1.0, 10.0, 40.0])
+@pytest.mark.parametrize(("longest", "tolerance_deg"), [(0, 0.02), (4, 0.1)])
+def test_without_effects_it_is_the_linear_model(
+    longest: int, tolerance_deg: float, rate: float
+) -> None:
+    own, x = trials(step_release(), triangle(), step_release(0.5 * SIXTY)), at_rate(X, rate)
+    for found, t in zip(angles(own, absent(), x, longest), own, strict=True):
         assert t.command_kpa is not None
-        linear = np.degrees(simulate(t.t_s, t.command_kpa / KPA, *X, hold="zero"))
+        linear = np.degrees(simulate(t.t_s, t.command_kpa / KPA, *x, hold="zero"))
         # Held commands, and times that are whole cells: what is left is the modes' and the steps'.
         np.testing.assert_allclose(found, linear, atol=tolerance_deg)
 
@@ -674,12 +678,14 @@ def test_steps_are_fine_where_a_ramp_turns_and_coarse_between() -> None:
     assert lengths[np.searchsorted(ends_s, 6.0)] == pytest.approx(STEPS_S[4])
 
 
-def test_a_coarse_grid_follows_a_triangle() -> None:
-    own = trials(triangle(ramp=4.0))
-    lag = vector("sensor_lag", time_constant_s=0.2, second_pole=0.4)
-    for effects in (absent(), lag):
-        fine, coarse = angles(own, effects)[0], angles(own, effects, longest=4)[0]
-        assert np.abs(fine - coarse).max() < 0.25
+@pytest.mark.parametrize("rate", [1.0, 20.0])
+@pytest.mark.parametrize(
+    "name", ["sensor_lag", "stiffening", "gravity_load", "contact_stop", "mullins_softening"]
+)
+def test_a_coarse_grid_follows_a_triangle(name: str, rate: float) -> None:
+    own, effects, x = trials(triangle(ramp=4.0)), vector(name), at_rate(X, rate)
+    fine, coarse = angles(own, effects, x)[0], angles(own, effects, x, longest=4)[0]
+    assert np.abs(fine - coarse).max() < 0.25
 
 
 def ragged(seed: int, samples: int, jumps: int, jitter: float, reset: bool, order: int) -> Trial:

@@ -25,7 +25,7 @@ from spa_fo.plant.effects.own import acting
 from spa_fo.plant.effects.sensor_slip import slipped
 from spa_fo.plant.effects.shared import CREEP_TIMES_S
 from spa_fo.plant.grid import CampaignGrid, rest_levels
-from spa_fo.plant.memory import MODES, STEPS_S, Contour, contour_for
+from spa_fo.plant.memory import MODES, STEPS_S, Contour, contour_for, rises
 from spa_fo.plant.stages import felt_angle, logged_angle, moving_pressure, true_pressure
 
 Floats = NDArray[np.float64]
@@ -280,15 +280,22 @@ class Chain:
         effects: Floats,
         memory: Memory,
         steps: slice = slice(None),
+        held: Floats | None = None,
     ) -> tuple[Floats, Memory]:
-        """Angle in some steps under the mean of u over each, `memory` carried on in place."""
+        """Angle in some steps under the mean of u over each, `memory` carried on in place.
+
+        To u comes what is `held` within each step.
+        """
         width, centre = effects[_PLAY]
         if not math.isnan(width) and not self.is_pressure:
             load[self.grid.cells[steps] == 0] = resting_kpa(width, centre) / self.reference_kpa
         if math.isnan(memory.ends_s) and effects[_GRAVITY][-1] != 0.0:
             self._hang(x, effects, memory)
+        rise = None
+        if held is not None:
+            rise, load = rises(load, self.grid.level[steps]), load + held
         load = self._pushed(load, x, effects, memory, steps)
-        angle = self._move(load, x, effects, memory, steps)
+        angle = self._move(load, x, effects, memory, steps, rise)
         return angle, replace(memory, ends_s=self.grid.ends_s)
 
     def _hang(self, x: Floats, effects: Floats, memory: Memory) -> None:
@@ -298,8 +305,8 @@ class Chain:
         level, c = rest_levels(_HUNG_S), self.contour
         nothing, time_s = np.zeros(level.size), np.full(level.size, self.grid.middle_s[0])
         state = memory.modes, memory.creep, memory.stops, memory.virgin
-        contour = c.nodes, c.angles, c.weights, c.keep, c.gain
-        move(nothing, nothing, level, time_s, x, effects, *contour, *state)
+        contour = c.nodes, c.angles, c.weights, c.keep, c.gain, c.tilt
+        move(nothing, nothing, nothing, level, time_s, x, effects, *contour, *state)
 
     def _pushed(
         self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
@@ -316,7 +323,13 @@ class Chain:
         return moving_pressure(kpa * load, self.grid.level[steps], effects, before, angle) / kpa
 
     def _move(
-        self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
+        self,
+        load: Floats,
+        x: Floats,
+        effects: Floats,
+        memory: Memory,
+        steps: slice,
+        rise: Floats | None = None,
     ) -> Floats:
         """Move the actuator; the memory is carried on in place."""
         c = self.contour
@@ -324,6 +337,7 @@ class Chain:
         usual = np.zeros(level.size) if self.usual is None else self.usual.of(x)[steps]
         angle = move(
             load,
+            rises(load, level) if rise is None else rise,
             np.radians(usual),
             level,
             self.grid.middle_s[steps],
@@ -334,6 +348,7 @@ class Chain:
             c.weights,
             c.keep,
             c.gain,
+            c.tilt,
             memory.modes,
             memory.creep,
             memory.stops,

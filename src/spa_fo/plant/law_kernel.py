@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo._jit import njit
-from spa_fo.plant.memory import STEPS_S, coast, keep_modes, push, stepper
+from spa_fo.plant.memory import STEPS_S, coast, keep_modes, push, rises, stepper
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -31,6 +31,7 @@ def follow(
     node_weights: Complexes,
     keep: Complexes,
     gain: Complexes,
+    tilt: Complexes,
     modes: Complexes,
     kind: int,
     over: Floats,
@@ -41,7 +42,7 @@ def follow(
 
     Parameters
     ----------
-    load, level, x, nodes, angles, node_weights, keep, gain, modes
+    load, level, x, nodes, angles, node_weights, keep, gain, tilt, modes
         As for `spa_fo.plant.effects.actuator.move`; `modes` is carried on in place.
     kind : int
         What the law is of.
@@ -51,7 +52,8 @@ def follow(
     reference_kpa : float
         Pressure at which u = 1.
     """
-    linear = stepper(x, nodes, angles, node_weights, keep, gain, modes)
+    linear = stepper(x, nodes, angles, node_weights, keep, gain, tilt, modes)
+    rising = rises(load, level)
     direct = np.degrees(linear.direct)
     stress = np.zeros(over.size)
     out = np.empty(load.size)
@@ -59,7 +61,7 @@ def follow(
     for i in range(load.size):
         k = level[i]
         h = STEPS_S[k]
-        free = math.degrees(coast(linear, k))
+        free = math.degrees(coast(linear, k) + linear.leaning[k] * rising[i])
         new = angle
         low, high = -math.inf, math.inf
         solved = False
@@ -83,7 +85,7 @@ def follow(
             break
         added, _ = _law(kind, over, values, angle, new, h, stress)
         v = load[i] + added / reference_kpa
-        push(linear, k, v)
+        push(linear, k, v, rising[i])
         if kind == RELAXATION:
             for j in range(over.size):
                 lost = -math.expm1(-h / over[j])

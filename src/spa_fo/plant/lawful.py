@@ -96,6 +96,7 @@ class LawfulChain(Chain):
             c.weights,
             c.keep,
             c.gain,
+            c.tilt,
             memory.modes,
             _KINDS[law.place],
             over,
@@ -120,9 +121,9 @@ class LawfulChain(Chain):
         step_s = np.asarray(STEPS_S[self.grid.level[window]], dtype=np.float64)
         added, angle, first = np.zeros(step_s.size), np.full(step_s.size, np.inf), np.inf
         for turn in range(_ROUNDS):
-            pushed = load[window] + added / self.reference_kpa
+            held = added / self.reference_kpa
             try:
-                again, after = self._moved(pushed, x, effects, memory.copy(), window)
+                again, after = self._moved(load[window], x, effects, memory.copy(), window, held)
             except BadInput:  # the law pushes an effect of a campaign's own too far
                 if turn == 0:
                     raise

@@ -12,7 +12,8 @@ continues analytically across it: beyond it p̄ is the first to come, so ψ lies
 and 2π - θ. The slowest nodes lie on the cut: elsewhere the static gain would come out too small.
 Nodes faster than any step follow the load at once, so one node stands for all of them.
 
-Steps may differ: h = FINEST_STEP_S · 2^level, with the load constant in each.
+Steps may differ: h = FINEST_STEP_S · 2^level. Within each the load is a line, from half its rise
+below its mean to half of it above: a fast actuator on a ramp would lag by half a step else.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from spa_fo.fractional.characteristic import cexp, find_pole
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+Integers = NDArray[np.int64]
 
 FINEST_STEP_S = 0.02
 LEVELS = 18  # the longest step is 44 min
@@ -41,6 +43,8 @@ MODES = _RATES.size + 1  # the last one is the pole's
 
 _WIDTH = 32  # room for all modes, a power of two
 _HALVES = (16, 8, 4, 2, 1)  # by which it is summed
+
+_SMALL = 1e-3
 
 _NO_POLE = 0.75 * math.pi
 _FASTER = 40  # nodes beyond the last one, up to 6e13/s: a small order has much of its gain there
@@ -55,8 +59,8 @@ class Contour:
     ----------
     nodes, angles, weights : (n,) arrays
         s = r e^{iψ}, ψ, and ds/π of the trapezoidal rule.
-    keep, gain : (LEVELS, n) complex arrays
-        z becomes keep·z + gain·v over a step with load v.
+    keep, gain, tilt : (LEVELS, n) complex arrays
+        z becomes keep·z + gain·v + tilt·r over a step with a load of the mean v that rises by r.
     """
 
     nodes: Complexes
@@ -64,6 +68,7 @@ class Contour:
     weights: Complexes
     keep: Complexes
     gain: Complexes
+    tilt: Complexes
 
 
 def contour_for(x: Floats) -> Contour:
@@ -84,7 +89,18 @@ def _contour(fast_angle: float) -> Contour:
     nodes = _RATES * np.exp(1j * angle)
     weights = _SPACING / math.pi * nodes * (1.0 + 1j * slope)
     exponent = STEPS_S[:, None] * nodes[None, :]
-    return Contour(nodes, angle, weights, np.exp(exponent), np.expm1(exponent) / nodes)
+    gain, tilt = np.expm1(exponent) / nodes, STEPS_S[:, None] * tilted(exponent)
+    return Contour(nodes, angle, weights, np.exp(exponent), gain, tilt)
+
+
+@njit
+def tilted(x: Complexes) -> Complexes:
+    r"""Give :math:`\int_0^1 e^{x(1-t)} (t - 1/2) dt`, by its series where it would lose digits."""
+    series = -x / 12.0 * (1.0 + x / 2.0 + 3.0 * x * x / 20.0)
+    safe = np.where(np.abs(x) < _SMALL, 1.0 + 0j, x)
+    grown = np.exp(safe)
+    exact = (grown - 1.0 - safe) / (safe * safe) - 0.5 * (grown - 1.0) / safe
+    return np.where(np.abs(x) < _SMALL, series, exact)
 
 
 @njit
@@ -143,26 +159,29 @@ class Stepper(NamedTuple):
 
     Attributes
     ----------
-    keep_re, keep_im, gain_re, gain_im : (LEVELS, width) arrays
+    keep_re, keep_im, gain_re, gain_im, tilt_re, tilt_im : (LEVELS, width) arrays
         As a `Contour` has them, the pole's last.
     weights_re, weights_im, re, im : (width,) arrays
         The angle is Im(sum of weights·modes).
     parts : (width,) array
         Room for the products.
-    direct : (LEVELS,) array
-        What a load of 1 adds to the angle within a step.
+    direct, leaning : (LEVELS,) arrays
+        What a load of 1, and one that rises by 1 about 0, add to the angle within a step.
     """
 
     keep_re: Floats
     keep_im: Floats
     gain_re: Floats
     gain_im: Floats
+    tilt_re: Floats
+    tilt_im: Floats
     weights_re: Floats
     weights_im: Floats
     re: Floats
     im: Floats
     parts: Floats
     direct: Floats
+    leaning: Floats
 
 
 @njit
@@ -173,24 +192,42 @@ def stepper(
     node_weights: Complexes,
     keep: Complexes,
     gain: Complexes,
+    tilt: Complexes,
     modes: Complexes,
 ) -> Stepper:
     """Make the modes ready for an actuator with the coefficients `x`; see `Contour`."""
     n = nodes.size
     weights, pole = mode_weights(x, nodes, angles, node_weights)
     kept, gained = np.ones((LEVELS, n + 1), np.complex128), np.zeros((LEVELS, n + 1), np.complex128)
-    kept[:, :n], gained[:, :n] = keep, gain
+    leant = np.zeros((LEVELS, n + 1), np.complex128)
+    kept[:, :n], gained[:, :n], leant[:, :n] = keep, gain, tilt
     if pole != 0j:
         kept[:, n] = np.exp(pole * STEPS_S)
         gained[:, n] = (kept[:, n] - 1.0) / pole
+        leant[:, n] = STEPS_S * tilted(pole * STEPS_S)
     direct = np.array([np.sum(weights * own).imag for own in gained])
+    leaning = np.array([np.sum(weights * own).imag for own in leant])
     keep_re, keep_im = _wide(kept.real), _wide(kept.imag)
     gain_re, gain_im = _wide(gained.real), _wide(gained.imag)
+    tilt_re, tilt_im = _wide(leant.real), _wide(leant.imag)
     by = np.empty((2, n + 1), np.complex128)
     by[0], by[1] = weights, modes
     re, im = _wide(by.real), _wide(by.imag)
-    parts = np.zeros(_WIDTH)
-    return Stepper(keep_re, keep_im, gain_re, gain_im, re[0], im[0], re[1], im[1], parts, direct)
+    return Stepper(
+        keep_re,
+        keep_im,
+        gain_re,
+        gain_im,
+        tilt_re,
+        tilt_im,
+        re[0],
+        im[0],
+        re[1],
+        im[1],
+        np.zeros(_WIDTH),
+        direct,
+        leaning,
+    )
 
 
 @njit
@@ -218,12 +255,31 @@ def coast(s: Stepper, level: int) -> float:
 
 
 @njit_inlined
-def push(s: Stepper, level: int, load: float) -> None:
+def push(s: Stepper, level: int, load: float, rise: float) -> None:
     """Add what a load makes of the modes within the step that they have coasted."""
     gain_re, gain_im, re, im = s.gain_re[level], s.gain_im[level], s.re, s.im
+    tilt_re, tilt_im = s.tilt_re[level], s.tilt_im[level]
     for j in range(_WIDTH):
-        re[j] += gain_re[j] * load
-        im[j] += gain_im[j] * load
+        re[j] += gain_re[j] * load + tilt_re[j] * rise
+        im[j] += gain_im[j] * load + tilt_im[j] * rise
+
+
+@njit
+def rises(load: Floats, level: Integers) -> Floats:
+    """Give by how much a load rises within each step, (n,), from its means over the steps.
+
+    By the smaller of the slopes to either side (van Leer 1977, doi:10.1016/0021-9991(77)90095-X):
+    0 beside a jump and where the load is held.
+    """
+    out = np.zeros_like(load)
+    before = 0.0
+    for i in range(load.size - 1):
+        own = STEPS_S[level[i]]
+        after = (load[i + 1] - load[i]) / (0.5 * (own + STEPS_S[level[i + 1]]))
+        if before * after > 0.0:
+            out[i] = own * math.copysign(min(abs(before), abs(after)), after)
+        before = after
+    return out
 
 
 @njit

@@ -1,8 +1,9 @@
 """True pressure -> true angle: G(s) with further moments in its loop.
 
 An extra restoring moment n, in rad as the angle that the static actuator loses to it, is a smaller
-load: the angle is G applied to v = u - n/K. Steps hold v constant and take n at the middle of the
-step, found by Newton's method, so the scheme is implicit and of second order.
+load: the angle is G applied to v = u - n/K. In each step v is a line: with n at the middle of the
+step, found by Newton's method, and with its slope there. So the scheme is implicit and of second
+order, however fast the actuator is.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ _SETTLED = 1e-7  # rad; the error that a step of Newton leaves is of the order o
 @njit
 def move(
     load: Floats,
+    rise: Floats,
     usual: Floats,
     level: Integers,
     time_s: Floats,
@@ -48,6 +50,7 @@ def move(
     node_weights: Complexes,
     keep: Complexes,
     gain: Complexes,
+    tilt: Complexes,
     modes: Complexes,
     creep: Floats,
     stops: Floats,
@@ -59,6 +62,8 @@ def move(
     ----------
     load : (n,) array
         Mean of u = pressure/reference over each step.
+    rise : (n,) array
+        By how much it rises within each.
     usual : (n,) array
         What is known to be missed of the angle at the end of each step, rad; effects feel it, too.
     level : (n,) array
@@ -69,14 +74,14 @@ def move(
         alpha2, alpha1, a1, a0, b0.
     e : array
         Parameters of all effects, NaN where absent.
-    nodes, angles, node_weights, keep, gain
+    nodes, angles, node_weights, keep, gain, tilt
         The contour.
     modes, creep, stops, virgin
         State, carried on in place: modes of the fractional memory, creep elements (rad), friction
         stops (deg of their own travel; the last entry is the angle, rad), virgin share by level.
     """
-    linear = stepper(x, nodes, angles, node_weights, keep, gain, modes)
-    direct = linear.direct
+    linear = stepper(x, nodes, angles, node_weights, keep, gain, tilt, modes)
+    direct, leaning = linear.direct, linear.leaning
     creep_keep = np.empty((LEVELS, creep.size))
     for k in range(LEVELS):
         for j in range(creep.size):
@@ -105,13 +110,16 @@ def move(
     angle, known, lost = stops[STOPS], 0.0, 0.0
     for i in range(load.size):
         k = level[i]
-        u = load[i]
+        u, rising = load[i], rise[i]
         if drifting:
-            u *= drifted_gain(time_s[i] / 3600.0, e[THERMAL_DRIFT], e[THERMAL_DRIFT + 1])
+            drifted = drifted_gain(time_s[i] / 3600.0, e[THERMAL_DRIFT], e[THERMAL_DRIFT + 1])
+            u *= drifted
+            rising *= drifted
         free = coast(linear, k)
-        v = u
+        v, going = u, rising
         if looped:
-            new = free + direct[k] * (u - lost)  # as much as in the step before, to begin with
+            # As much is lost as in the step before, to begin with.
+            new = free + direct[k] * (u - lost) + leaning[k] * rising
             missed = 0.5 * (known + usual[i])
             for _ in range(_NEWTON):
                 middle = 0.5 * (angle + new) + missed
@@ -141,15 +149,16 @@ def move(
                     moment += math.radians(e[HYSTERESIS]) * part
                     slope += math.radians(e[HYSTERESIS]) * tangent
                 v = u - moment / static
-                excess = new - free - direct[k] * v
-                change = excess / (1.0 + 0.5 * direct[k] * slope / static)
+                going = rising - slope / static * (new + usual[i] - angle - known)
+                excess = new - free - direct[k] * v - leaning[k] * going
+                change = excess / (1.0 + (0.5 * direct[k] + leaning[k]) * slope / static)
                 new -= change
                 if abs(change) < _SETTLED:
                     break
-            v = (new - free) / direct[k]
+            v = (new - free - leaning[k] * going) / direct[k]
             lost = u - v
-        push(linear, k, v)
-        new = free + direct[k] * v
+        push(linear, k, v, going)
+        new = free + direct[k] * v + leaning[k] * going
         if rubbing:
             rub(new - angle + usual[i] - known, stops, radii)
         if mullins:
