@@ -204,7 +204,7 @@ def stepper(
     if pole != 0j:
         kept[:, n] = np.exp(pole * STEPS_S)
         gained[:, n] = (kept[:, n] - 1.0) / pole
-        leant[:, n] = STEPS_S * tilted(pole * STEPS_S)
+        leant[:, n] = STEPS_S * tilted((pole * STEPS_S).astype(np.complex128))
     direct = np.array([np.sum(weights * own).imag for own in gained])
     leaning = np.array([np.sum(weights * own).imag for own in leant])
     keep_re, keep_im = _wide(kept.real), _wide(kept.imag)

@@ -186,7 +186,9 @@ class Explained(ABC):
             return 0.5 * float(left @ left - taken @ taken + away @ self.precision @ away)
 
         def value(z: Floats) -> float:
-            left, (columns, root) = self.white(factor, self.left(z)), nuisances(z)
+            if not np.isfinite(left := self.left(z)).all():
+                return np.inf  # no motion agrees with it
+            left, (columns, root) = self.white(factor, left), nuisances(z)
             return of(left, solve_triangular(root, columns.T @ left, lower=True), z)
 
         def quadratic(z: Floats) -> Quadratic:

@@ -144,7 +144,7 @@ def _bent(
 ) -> Floats:
     """Add half the acceleration to a step, where it is small against it."""
     moving = (step != 0.0) & (z + step > low) & (z + step < high)
-    if not moving.any():
+    if not moving.any() or not np.isfinite(pull).all():
         return step
     bent = np.zeros_like(step)
     bent[moving] = -0.5 * _solved(damped, moving, pull[moving])

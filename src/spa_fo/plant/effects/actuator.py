@@ -121,6 +121,8 @@ def move(
             # As much is lost as in the step before, to begin with.
             new = free + direct[k] * (u - lost) + leaning[k] * rising
             missed = 0.5 * (known + usual[i])
+            # One that swings within the step does not follow what rises in it.
+            follows = 1.0 if leaning[k] > 0.0 else 0.0
             for _ in range(_NEWTON):
                 middle = 0.5 * (angle + new) + missed
                 moment, slope = 0.0, 0.0
@@ -149,9 +151,9 @@ def move(
                     moment += math.radians(e[HYSTERESIS]) * part
                     slope += math.radians(e[HYSTERESIS]) * tangent
                 v = u - moment / static
-                going = rising - slope / static * (new + usual[i] - angle - known)
+                going = rising - follows * slope / static * (new + usual[i] - angle - known)
                 excess = new - free - direct[k] * v - leaning[k] * going
-                change = excess / (1.0 + (0.5 * direct[k] + leaning[k]) * slope / static)
+                change = excess / (1.0 + (0.5 * direct[k] + follows * leaning[k]) * slope / static)
                 new -= change
                 if abs(change) < _SETTLED:
                     break
