@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import campaigns
-from identify_cases import steps
+import plant_cases
+from identify_cases import TRUTH, step_command, steps, trial
+from spa_fo import step_response
 from spa_fo.errors import BadInput
+from spa_fo.gap.data.searched import at_rate
 from spa_fo.identify import FitResult, fit_campaign, fit_optimum, predict_campaign
 from spa_fo.identify.fit_report import strong_correlations
 from spa_fo.identify.uncertainty import assess
@@ -149,3 +152,15 @@ def test_a_stiff_gap_is_named(tmp_path: Path, data: CampaignData) -> None:
         replace(t, angle_deg=t.angle_deg * (1 + (t.angle_deg / 60.0))) for t in data.trials
     )
     assert any("its form" in text for text in fit_campaign(replace(data, trials=bent)).warnings)
+
+
+@pytest.mark.parametrize(("rate", "resolved"), [(1.0, False), (20.0, True)])
+def test_a_response_that_rises_between_two_points_gets_more(rate: float, resolved: bool) -> None:
+    x = at_rate(TRUTH, rate)
+    trials = [trial(step_command(50, 1000), 100.0, x, 0.05, number=k, order=k) for k in range(1, 4)]
+    found = fit_campaign(plant_cases.campaign_data(trials), bootstrap=None)
+    assert found.data is not None
+    assert (found.data.points > 50) == resolved
+    t = np.linspace(0.0, 10.0, 2001)
+    expected, fitted = (step_response(t, *each) for each in (x, found.optimum.x))
+    np.testing.assert_allclose(fitted, expected, atol=0.02 * expected[-1])

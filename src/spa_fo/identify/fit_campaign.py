@@ -33,6 +33,9 @@ from spa_fo.rig.plausibility import stands_still
 Floats = NDArray[np.float64]
 
 
+_RISEN_FIRST = 0.3  # of a response, at its first point
+
+
 @one_blas_thread
 def fit_campaign(
     data: CampaignData,
@@ -62,7 +65,7 @@ def fit_campaign(
         Which pressure drives the model: the command, or where no log holds one, or the command is
         no pressure, the measured pressure, unless given.
     points : int
-        Points taken of each step response.
+        Points taken of each step response; more where that would miss how it rises.
     bootstrap : int or None
         Resamples of the trial bootstrap; None says nothing of how certain a fit to steps is,
         which takes most of its time.
@@ -99,6 +102,24 @@ def campaign_steps(data: CampaignData, points: int = POINTS) -> StepData:
     return step_data(data.trials, campaign.reference_kpa, points, campaign.yaml, _files(data))
 
 
+def _resolved_steps(data: CampaignData, points: int) -> StepData:
+    """Return all up-steps with so many points, or twice as many until the first are on the rise.
+
+    A response that has risen before the first point says nothing of how it did: anything fits.
+    """
+    logged = max(int(trial.t_s.size) for trial in data.trials if is_step(trial))
+    steps = campaign_steps(data, points)
+    while _risen(steps) > _RISEN_FIRST and 2 * steps.points <= logged:
+        steps = campaign_steps(data, 2 * steps.points)
+    return steps
+
+
+def _risen(steps: StepData) -> float:
+    """Share of the mean response that the first point has."""
+    mean = np.mean(steps.angle_rad / steps.u[:, None], axis=0)
+    return float(mean[0] / mean[np.argmax(np.abs(mean))])
+
+
 def _files(data: CampaignData) -> dict[tuple[str, int], Path]:
     return {
         (experiment.name, place): file.path
@@ -109,7 +130,7 @@ def _files(data: CampaignData) -> dict[tuple[str, int], Path]:
 def _fit_steps(
     data: CampaignData, seed: int, points: int, bootstrap: int | None, bounds: Bounds | None
 ) -> FitResult:
-    steps = campaign_steps(data, points)
+    steps = _resolved_steps(data, points)
     optimum = _optimum(lambda box: fit_optimum(steps, box, seed), bounds)
     response = np.outer(steps.u, step_map(steps.t).response(optimum.x))
     _refuse_no_gain(float(np.sum(response * steps.angle_rad)), data)
