@@ -69,7 +69,10 @@ class LawfulChain(Chain):
         load = self._load(effects, memory.play_kpa)
         load = load + self._of_input(load * self.reference_kpa) / self.reference_kpa
         if not self.law.follows_motion:
-            return self._moved(load, x, effects, memory)
+            angle, memory = self._moved(load, x, effects, memory)
+            if not np.isfinite(angle).all():
+                raise self._too_steep()
+            return angle, memory
         if np.isnan(effects[LIBRARY.slots(lambda e: e.stage == "actuator")]).all():
             return self._followed(load, x, memory)
         angle, past = np.empty_like(load), None

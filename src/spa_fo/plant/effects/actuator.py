@@ -35,6 +35,8 @@ THERMAL_DRIFT = LIBRARY["thermal_drift"].first
 _NEWTON = 6
 _SETTLED = 1e-7  # rad; the error that a step of Newton leaves is of the order of its square
 
+_STEEP = 0.2  # of a step's equation over the angle: what is less is hardly solved
+
 
 @njit
 def move(
@@ -121,8 +123,7 @@ def move(
             # As much is lost as in the step before, to begin with.
             new = free + direct[k] * (u - lost) + leaning[k] * rising
             missed = 0.5 * (known + usual[i])
-            # One that swings within the step does not follow what rises in it.
-            follows = 1.0 if leaning[k] > 0.0 else 0.0
+            follows = 1.0 if leaning[k] > 0.0 else 0.0  # one that swings within a step does not
             for _ in range(_NEWTON):
                 middle = 0.5 * (angle + new) + missed
                 moment, slope = 0.0, 0.0
@@ -150,10 +151,12 @@ def move(
                     part, tangent = friction(middle - angle - known, stops, radii)
                     moment += math.radians(e[HYSTERESIS]) * part
                     slope += math.radians(e[HYSTERESIS]) * tangent
-                v = u - moment / static
-                going = rising - follows * slope / static * (new + usual[i] - angle - known)
+                v, stiffness = u - moment / static, slope / static
+                if 1.0 + (0.5 * direct[k] + leaning[k]) * stiffness < _STEEP:
+                    follows = 0.0  # it gives way as it swings: no line that follows it is stable
+                going = rising - follows * stiffness * (new + usual[i] - angle - known)
                 excess = new - free - direct[k] * v - leaning[k] * going
-                change = excess / (1.0 + (0.5 * direct[k] + follows * leaning[k]) * slope / static)
+                change = excess / (1.0 + (0.5 * direct[k] + follows * leaning[k]) * stiffness)
                 new -= change
                 if abs(change) < _SETTLED:
                     break
