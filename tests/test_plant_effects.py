@@ -105,6 +105,13 @@ def test_a_pump_with_play_starts_the_next_trial_where_it_stopped() -> None:
     assert drive_pressure(command, np.array([0, 2]), effects, play).tolist() == [1.0, 1.0]
 
 
+def test_a_pump_that_is_vented_between_trials_begins_at_rest() -> None:
+    command = np.array([0.0, 30.0, 0.0, 0.0, 30.0])
+    effects = vector("drive_backlash", play_kpa=4.0, centre=0.25, kept=0.0)
+    found = drive_pressure(command, np.array([0, 3, 5]), effects, np.zeros(2))
+    assert found.tolist() == [0.0, 27.0, 1.0, 0.0, 27.0]
+
+
 def test_play_leaves_pressure_in_the_actuator_between_trials() -> None:
     own = trials(step_release(down=8.0), step_release())
     second = angles(own, vector("drive_backlash", play_kpa=6.0, centre=0.5))[1]

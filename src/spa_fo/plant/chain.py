@@ -286,9 +286,11 @@ class Chain:
 
         To u comes what is `held` within each step.
         """
-        width, centre = effects[_PLAY]
+        width, centre, kept = effects[_PLAY]
         if not math.isnan(width) and not self.is_pressure:
-            load[self.grid.cells[steps] == 0] = resting_kpa(width, centre) / self.reference_kpa
+            load[self.grid.cells[steps] == 0] = (
+                resting_kpa(width, centre, kept) / self.reference_kpa
+            )
         if math.isnan(memory.ends_s) and effects[_GRAVITY][-1] != 0.0:
             self._hang(x, effects, memory)
         rise = None

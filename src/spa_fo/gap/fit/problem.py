@@ -42,7 +42,8 @@ class AngleProblem(Explained):
     ids : sequence of str
         Effects of the explanation.
     changed : bool
-        Whether an unknown sensor curve is that of later calibrations too, not the mounting's alone.
+        Whether calibrations show something else of the effects than they mostly do: later ones an
+        unknown sensor curve, which is then not the mounting's alone; none a late channel.
     trend : bool
         Whether gain and rest angle may go with the trials' order.
     """
@@ -71,6 +72,7 @@ class AngleProblem(Explained):
         self.most[_OF_TRIALS] = most(bench.noise.spectrum.repeats) * usual
         self.most[DWELL] = SETTINGS.most_scatter * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
+        self._unseen = LIBRARY.slots(lambda e: e.in_trials_alone)
         self._moving = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
         self.whitening, fixture, none = bench.whitening, self.evidence.fixture, np.zeros(0)
         further = [  # measured, and its error
@@ -209,7 +211,10 @@ class AngleProblem(Explained):
         fixture = self.evidence.fixture
         if fixture is None:
             return np.zeros(0), Mounting()
-        return self.once("fixture", effects[self._film], lambda: fixture.simulate(effects))
+        shown = effects.copy()
+        if self.changed:
+            shown[self._unseen] = np.nan
+        return self.once("fixture", shown[self._film], lambda: fixture.simulate(shown))
 
     def at_rows(self, z: Floats) -> Floats:
         """Predict the angle, and the readings in the fixture; later calibrations are to be 0."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,14 +112,16 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
     for name in names:
         if name in base.ids:
             continue
-        wide = AngleProblem(bench, ordered((*base.ids, name)), base.changed)
+        wide = ordered((*base.ids, name))
+        every = (False, True) if LIBRARY[name].in_trials_alone else (base.changed,)
+        problems = [AngleProblem(bench, wide, changed) for changed in every]
         slots = LIBRARY[name].slots
-        mine = np.array([slots.start <= slot.place < slots.stop for slot in wide.slots])
+        mine = np.array([slots.start <= slot.place < slots.stop for slot in problems[0].slots])
         signed = LIBRARY[name].parameters[0].low < 0.0
-        for point in starts(AngleProblem(bench, (name,)), base.z[:5]):
-            z = np.empty(wide.parameters)
+        for point, one in product(starts(AngleProblem(bench, (name,)), base.z[:5]), problems):
+            z = np.empty(one.parameters)
             z[:5], z[5:][~mine], z[5:][mine] = base.z[:5], base.z[5:], point[5:]
-            there, fixed_there = wide.predict(z)
+            there, fixed_there = one.predict(z)
             change = problem.stacked(problem.rows.merged(there - y), fixed_there - fixed)
             column = problem.white(factor, change)
             shadow = half @ column
@@ -139,7 +142,8 @@ def _worth(fitted: Fitted) -> float:
 
 
 def _points(shown: Sequence[Shown], name: str) -> list[Floats]:
-    return [s.z for s in shown if s.name == name][:_BEST_STARTS]
+    points = {s.z.tobytes(): s.z for s in shown if s.name == name}  # one of each, the best first
+    return list(points.values())[:_BEST_STARTS]
 
 
 def _first(shown: Sequence[Shown], count: int) -> list[str]:

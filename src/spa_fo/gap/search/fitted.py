@@ -131,12 +131,9 @@ def begun(
     share: float = SETTINGS.search_share,
 ) -> Fitted:
     """Fit one explanation roughly: to tell whether it is worth more, and where to go on."""
-    variants = [False]
-    if at_port("curve", ids) and bench.evidence.drift_deg.size:
-        variants = [False, True]
     factor = bench.whitening.factor(1.0, share)
     fits = []
-    for changed in variants:
+    for changed in variants(bench, ids):
         problem = AngleProblem(bench, ids, changed)
         variances = problem.scales**2
         spread = problem.spread(variances)
@@ -147,6 +144,14 @@ def begun(
         here = problem.search(fitted.z, factor, problem.spread(fitted.variances), _ROUGH, 0)
         fits.append(replace(fitted, decrement=here.decrement))
     return max(fits, key=lambda f: f.quick)
+
+
+def variants(bench: Bench, ids: Sequence[str]) -> tuple[bool, ...]:
+    """List whether calibrations may show something else of effects; see `AngleProblem`."""
+    evidence = bench.evidence
+    later = at_port("curve", ids) is not None and evidence.drift_deg.size > 0
+    unseen = evidence.fixture is not None and any(LIBRARY[n].in_trials_alone for n in ids)
+    return (False, True) if later or unseen else (False,)
 
 
 def settled(

@@ -26,6 +26,7 @@ EFFECT = Effect(
     "once",
     filter="delay",
     in_fixture=True,
+    in_trials_alone=True,
 )
 
 

@@ -44,7 +44,8 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     if not math.isnan(e[DEAD_TIME]):
         delay_cells(p, starts, e[DEAD_TIME])
     if not math.isnan(e[DRIVE_BACKLASH]):
-        follow_with_play(p, e[DRIVE_BACKLASH], e[DRIVE_BACKLASH + 1], play)
+        width, centre, kept = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 3]
+        follow_with_play(p, starts, width, centre, kept, play)
     if not math.isnan(e[SLEW_LIMIT]):
         slew(p, starts, e[SLEW_LIMIT], e[SLEW_LIMIT + 1], e[SLEW_LIMIT + 2])
     if not math.isnan(e[SUPPLY_DROOP]):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Effect, amplitude, share
-from spa_fo.plant.effects.shared import Floats
+from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, share
+from spa_fo.plant.effects.shared import Floats, Integers
 
 EFFECT = Effect(
     id="drive_backlash",
@@ -23,6 +23,11 @@ EFFECT = Effect(
             "where the play stands about the command: 0.5 is in the middle",
             centre=0.5,
         ),
+        Parameter(
+            *("kept", "1", 0.5, 0.5, 0.0, 1.0),
+            starts=(1.0, 0.0),
+            means="part of its position that is kept from one trial to the next: 0 is vented",
+        ),
     ),
     name="backlash of the drive",
     means="after a reversal of the command the pressure waits, as in a spindle or a dead band",
@@ -32,19 +37,24 @@ EFFECT = Effect(
 
 
 @njit
-def follow_with_play(p: Floats, width: float, centre: float, play: Floats) -> None:
+def follow_with_play(
+    p: Floats, starts: Integers, width: float, centre: float, kept: float, play: Floats
+) -> None:
     """Play operator: the pressure stays between command - width(1 - centre) and + width·centre.
 
-    `play` is the position, kPa, and whether there is any; carried on in place.
+    `play` is the position, kPa, and whether there is any; carried on in place. Of it a trial,
+    whose first cell is in `starts`, begins with the part `kept`.
     """
     position = play[0]
-    for i in range(p.size):
-        position = min(max(position, p[i] - width * (1.0 - centre)), p[i] + width * centre)
-        p[i] = position
+    for trial in range(starts.size - 1):
+        position *= kept
+        for i in range(starts[trial], starts[trial + 1]):
+            position = min(max(position, p[i] - width * (1.0 - centre)), p[i] + width * centre)
+            p[i] = position
     play[0] = position
     play[1] = 1.0
 
 
-def resting_kpa(width: float, centre: float) -> float:
+def resting_kpa(width: float, centre: float, kept: float) -> float:
     """Pressure that a pump with play leaves in the actuator after it was vented, kPa."""
-    return width * centre
+    return kept * width * centre

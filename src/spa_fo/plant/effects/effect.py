@@ -145,6 +145,8 @@ class Effect:
         to whoever sees only what goes in and what comes out.
     in_fixture : bool
         Whether the calibration's dwells show it.
+    in_trials_alone : bool
+        Whether they may as well not, as what logs them need not be what logs a trial.
     shown_in : tuple of str
         Evidence that it shows in: a release, several levels, a hold, a mixed order of the trials.
     check : Check, optional
@@ -179,6 +181,7 @@ class Effect:
     place: str = ""
     filter: Filter = ""
     in_fixture: bool = False
+    in_trials_alone: bool = False
     shown_in: tuple[Shown, ...] = ()
     check: Check | None = None
     equivalents: Mapping[str, Check] = field(default_factory=dict)
