@@ -155,7 +155,7 @@ def diagnose(
         seed=seed,
         excluded=examined.excluded,
         gap=Gap(
-            rmse_deg=rmse(everything, curves["plain"], np.ones(measured.size, dtype=bool)),
+            rmse_deg=_gap_deg(examined, claimed),
             noise_floor_deg=floor,
             significant=verdict.kind != "no_gap",
             p_value=p_value(verdict),
@@ -210,9 +210,18 @@ def _answered(
         missed = times_missed(examined.everything, claimed.curves["plain"], beyond)
         of_drive = times_missed_of_drive(examined.everything, beyond)
         verdict = beyond_expected(verdict, missed, of_drive)
+        if _gap_deg(examined, claimed) > CLEARLY * examined.floor_deg:
+            # Also where the reference never went: what nobody knows of is not nothing.
+            verdict = too_large_for_none(verdict)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
     return examined, claimed, verdict
+
+
+def _gap_deg(examined: Examined, claimed: Claim) -> float:
+    """RMS of what the plain model misses over all samples, deg."""
+    plain = claimed.curves["plain"]
+    return rmse(examined.everything, plain, np.ones(plain.size, dtype=bool))
 
 
 def _with_laws(answer: Answer, seed: int, progress: Progress) -> tuple[Answer, Missing]:
