@@ -42,7 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with bad_input_exits():
         marks = read_marks(given.scores)
         if given.published is not None:
-            marks = as_published(marks, read_marks(given.published))
+            whole = read_marks(given.published)
+            print(f"{sum(m['reached'] is False for m in whole)} goals are missed there anyway")
+            marks = as_published(marks, whole)
     judged = [mark for mark in marks if mark["reached"] is not None]
     short = [mark for mark in judged if not mark["reached"]]
     if given.beyond_chance:
