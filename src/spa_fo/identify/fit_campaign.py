@@ -105,19 +105,24 @@ def campaign_steps(data: CampaignData, points: int = POINTS) -> StepData:
 def _resolved_steps(data: CampaignData, points: int) -> StepData:
     """Return all up-steps with so many points, or twice as many until the first are on the rise.
 
-    A response that has risen before the first point says nothing of how it did: anything fits.
+    A response that has risen before the first point says nothing of how it did: anything fits. No
+    more are taken than samples were, nor where more show no more of it, as of an angle at rest.
     """
-    logged = max(int(trial.t_s.size) for trial in data.trials if is_step(trial))
+    interval_s = max(float(np.median(np.diff(t.t_s))) for t in data.trials if is_step(t))
     steps = campaign_steps(data, points)
-    while _risen(steps) > _RISEN_FIRST and 2 * steps.points <= logged:
-        steps = campaign_steps(data, 2 * steps.points)
+    while _risen(steps) > _RISEN_FIRST and steps.t[0] >= 2.0 * interval_s:
+        finer = campaign_steps(data, 2 * steps.points)
+        if not _risen(finer) < _risen(steps):
+            break
+        steps = finer
     return steps
 
 
 def _risen(steps: StepData) -> float:
     """Share of the mean response that the first point has."""
     mean = np.mean(steps.angle_rad / steps.u[:, None], axis=0)
-    return float(mean[0] / mean[np.argmax(np.abs(mean))])
+    top = float(mean[np.argmax(np.abs(mean))])
+    return float(mean[0]) / top if top else 0.0
 
 
 def _files(data: CampaignData) -> dict[tuple[str, int], Path]:

@@ -281,10 +281,11 @@ class Chain:
         memory: Memory,
         steps: slice = slice(None),
         held: Floats | None = None,
+        rise: Floats | None = None,
     ) -> tuple[Floats, Memory]:
         """Angle in some steps under the mean of u over each, `memory` carried on in place.
 
-        To u comes what is `held` within each step.
+        To u, which has its `rise` within each step, comes what is `held` there.
         """
         width, centre, kept = effects[_PLAY]
         if not math.isnan(width) and not self.is_pressure:
@@ -293,10 +294,10 @@ class Chain:
             )
         if math.isnan(memory.ends_s) and effects[_GRAVITY][-1] != 0.0:
             self._hang(x, effects, memory)
-        rise = None
         if held is not None:
-            rise, load = rises(load, self.grid.level[steps]), load + held
-        load = self._pushed(load, x, effects, memory, steps)
+            load = load + held
+        if any(acting(effects, "actuator")):
+            load, rise = self._pushed(load, x, effects, memory, steps), None
         angle = self._move(load, x, effects, memory, steps, rise)
         return angle, replace(memory, ends_s=self.grid.ends_s)
 
@@ -314,8 +315,6 @@ class Chain:
         self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
     ) -> Floats:
         """Give the load with what effects of a campaign's own make of it."""
-        if not any(acting(effects, "actuator")):
-            return load
         kpa = self.reference_kpa
         before = math.degrees(memory.stops[STOPS] + memory.creep.sum())
 

@@ -20,7 +20,7 @@ from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.own import acting
 from spa_fo.plant.law import Law, Past
 from spa_fo.plant.law_kernel import DAMPING, MOMENT, RELAXATION, follow
-from spa_fo.plant.memory import STEPS_S
+from spa_fo.plant.memory import STEPS_S, rises
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -75,11 +75,11 @@ class LawfulChain(Chain):
             return angle, memory
         if np.isnan(effects[LIBRARY.slots(lambda e: e.stage == "actuator")]).all():
             return self._followed(load, x, memory)
-        angle, past = np.empty_like(load), None
+        angle, past, rise = np.empty_like(load), None, rises(load, self.grid.level)
         windows = [slice(0, load.size)]
         while windows:
             window = windows.pop()
-            found = self._settled(load, x, effects, window, memory, past)
+            found = self._settled(load, rise, x, effects, window, memory, past)
             if found is None:
                 windows += self._halves(window, effects)
             else:
@@ -114,6 +114,7 @@ class LawfulChain(Chain):
     def _settled(
         self,
         load: Floats,
+        rise: Floats,
         x: Floats,
         effects: Floats,
         window: slice,
@@ -126,7 +127,9 @@ class LawfulChain(Chain):
         for turn in range(_ROUNDS):
             held = added / self.reference_kpa
             try:
-                again, after = self._moved(load[window], x, effects, memory.copy(), window, held)
+                state = memory.copy()
+                own = load[window], x, effects, state, window, held, rise[window]
+                again, after = self._moved(*own)
             except BadInput:  # the law pushes an effect of a campaign's own too far
                 if turn == 0:
                     raise

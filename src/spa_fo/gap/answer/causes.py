@@ -138,7 +138,7 @@ def traces_of(
     known = deviation = explained = np.zeros(0)
     if fixture is not None:
         known, deviation = fixture.known_deg, fixture.deviation_deg
-        explained, _ = fixture.simulate(absent() if final is None else final.effects())
+        explained, _ = fixture.simulate(absent() if final is None else final.in_fixture())
     return Traces(
         experiment=tuple(trial.experiment for trial in grid.trials),
         label=tuple(trial.label for trial in grid.trials),

@@ -49,6 +49,13 @@ class Explanation:
             e[LIBRARY[curve].slots] = self.angle.curve_deg
         return e
 
+    def in_fixture(self) -> Floats:
+        """Parameters of those effects that the calibration's dwells show."""
+        e = self.effects()
+        if self.angle.changed:
+            e[LIBRARY.slots(lambda effect: effect.in_trials_alone)] = np.nan
+        return e
+
     def parameters(self, given: Floats, orders: NDArray[np.int64]) -> dict[str, dict[str, Any]]:
         """Parameters of each effect by name, as model files hold them, within their bounds."""
         e = self.effects()
@@ -113,7 +120,7 @@ def simulate(
     for name in (zeros, line):
         if name is not None:
             e[LIBRARY[name].slots] = np.nan
-    chain = angle_chain(evidence, x, None).mounted(mounting_of(evidence, e))
+    chain = angle_chain(evidence, x, None).mounted(mounting_of(evidence, explanation.in_fixture()))
     angle, _ = (chain if law is None else with_law(chain, law)).run(x, e)
     if zeros in explanation.ids:
         angle = angle + explanation.angle.zeros_deg[evidence.grid.sample_trial]
@@ -141,7 +148,7 @@ def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) 
         if LIBRARY[effect["id"]].port == "zeros":
             zeros = explanation.angle.zeros_deg.tolist()
             effect["zeros_deg"] = {str(o): z for o, z in zip(orders.tolist(), zeros, strict=True)}
-    mounting = mounting_of(evidence, explanation.effects())
+    mounting = mounting_of(evidence, explanation.in_fixture())
     # Its coefficients are other ones: the uncertainty of the plain model's is not theirs.
     extra: dict[str, Any] = {key: plain.extra[key] for key in _CARRIED if key in plain.extra}
     if mounting.bias_deg.any() or mounting.film.any():

@@ -188,7 +188,8 @@ class AngleProblem(Explained):
         evidence, after = self.evidence, self.evidence.drift_after
         assert evidence.fixture is not None
         out[:, self.dwells] = evidence.fixture.drifted
-        if self.changed:
+        late = any(LIBRARY[name].in_trials_alone for name in self.ids)
+        if self.changed and (at_port("curve", self.ids) or not late):
             out[:, self.curve] = curve_columns(evidence.drift_angle_deg)
         if self.walk.size:
             out[:, self.walk[0]] = np.append(0.0, evidence.grid.orders)[after]
@@ -202,12 +203,13 @@ class AngleProblem(Explained):
 
     def _predicted(self, z: Floats) -> tuple[Floats, Floats]:
         e = self.effects(z)
-        deviation, mounting = self._in_fixture(e)
+        deviation, mounting = self.in_fixture(e)
         chain, moving = self.chain.mounted(mounting), np.append(z[:5], e[self._moving])
         angle = self.once("angle", moving, lambda: chain.angles(to_x(z), e)[0])
         return chain.observed(chain.read(angle, e, chain.memory.film.copy()), e), deviation
 
-    def _in_fixture(self, effects: Floats) -> tuple[Floats, Mounting]:
+    def in_fixture(self, effects: Floats) -> tuple[Floats, Mounting]:
+        """Give what the fixture shows of effects, and how they leave the sensor after it."""
         fixture = self.evidence.fixture
         if fixture is None:
             return np.zeros(0), Mounting()

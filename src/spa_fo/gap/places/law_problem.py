@@ -55,7 +55,7 @@ class LawProblem(AngleProblem):
     def tangents(self, z: Floats) -> Floats:
         """Slopes of the prediction over the law's coefficients, (all rows, m)."""
         (here, _), effects = self.predict(z), self.effects(z)
-        mounting = self._in_fixture(effects)[1]
+        mounting = self.in_fixture(effects)[1]
         moved = []
         for step in self.step * np.eye(self.basis.size):
             chain = with_law(self.bare, self.basis.law(self.e + step)).mounted(mounting)

@@ -40,7 +40,7 @@ class Fitted:
     ids : tuple of str
         Its effects.
     changed : bool
-        Whether an unknown sensor curve was taken for that of later calibrations too.
+        Whether calibrations show something else of the effects than they mostly do.
     z, slopes : array, (rows, parameters) array
         Searched coefficients and parameters, and slopes of the prediction over them.
     effects : array
@@ -242,9 +242,7 @@ def _moved(problem: AngleProblem, fitted: Fitted, plain: Fitted | None) -> dict[
         else:
             less = fitted.effects.copy()
             less[LIBRARY[name].slots] = np.nan
-            chain = problem.chain
-            if evidence.fixture is not None:
-                chain = chain.mounted(evidence.fixture.simulate(less)[1])
+            chain = problem.chain.mounted(problem.in_fixture(less)[1])
             change = y - chain.run(fitted.x, less)[0]
         found[name] = float(np.sqrt(np.average(change**2, weights=evidence.grid.counts)))
     return found
