@@ -117,6 +117,8 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         scatter = judging[first].scatter(verdict.of(first).left_deg)
         if not found.bench.noise.spectrum.repeats:
             scatter = max(scatter, floor_deg)  # nothing tells what is left from noise
+        if scatter > errors[()]:
+            scatter = floor_deg  # what the plain model misses holds it, too
         made = shrink(everything, held, curves, scatter, rng)
     return Claim(curves, errors, closed, made, expected)
 

@@ -20,7 +20,8 @@ from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.mixed import WEAK
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Mounting
-from spa_fo.plant.effects.library import LIBRARY, at_port
+from spa_fo.plant.effects.library import LIBRARY, absent, at_port
+from spa_fo.plant.stages import felt_angle
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +44,8 @@ class AngleProblem(Explained):
         Effects of the explanation.
     changed : bool
         Whether calibrations show something else of the effects than they mostly do: later ones an
-        unknown sensor curve, which is then not the mounting's alone; none a late channel.
+        unknown sensor curve, or a ceiling of the reading, which is then not the mounting's alone;
+        none a late channel.
     trend : bool
         Whether gain and rest angle may go with the trials' order.
     """
@@ -73,6 +75,7 @@ class AngleProblem(Explained):
         self.most[DWELL] = SETTINGS.most_scatter * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
         self._unseen = LIBRARY.slots(lambda e: e.in_trials_alone)
+        self._later = LIBRARY.slots(lambda e: e.in_later)
         self._moving = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
         self.whitening, fixture, none = bench.whitening, self.evidence.fixture, np.zeros(0)
         further = [  # measured, and its error
@@ -218,10 +221,20 @@ class AngleProblem(Explained):
             shown[self._unseen] = np.nan
         return self.once("fixture", shown[self._film], lambda: fixture.simulate(shown))
 
+    def drifted(self, z: Floats) -> Floats:
+        """Predict what later calibrations read beyond what the first one does, (m,)."""
+        at, e = self.evidence.drift_angle_deg, self.effects(z)
+        if not (self.changed and at.size) or np.isnan(e[self._later]).all():
+            return np.zeros(at.size)
+        shown = absent()
+        shown[self._later] = e[self._later]
+        level = np.zeros(at.size, dtype=np.int64)
+        return felt_angle(at, level, shown, Mounting().film) - at
+
     def at_rows(self, z: Floats) -> Floats:
-        """Predict the angle, and the readings in the fixture; later calibrations are to be 0."""
+        """Predict the angle, the readings in the fixture, and those of later calibrations."""
         angle, fixture = self.predict(z)
-        return self.stacked(self.rows.merged(angle), fixture)
+        return self.stacked(self.rows.merged(angle), fixture, self.drifted(z))
 
     def stacked(
         self, angle: Floats, fixture: Floats | None = None, drift: Floats | None = None

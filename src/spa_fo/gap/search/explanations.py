@@ -107,13 +107,14 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
     away = solve_triangular(problem.root, problem.centre - base.z, lower=True)
     pull = np.append(np.zeros(precision.size - away.size), away)
     taken = half @ left + solve_triangular(root, pull, lower=True)
-    y, fixed = problem.predict(base.z)
+    (y, fixed), drifted = problem.predict(base.z), problem.drifted(base.z)
     shown = []
     for name in names:
         if name in base.ids:
             continue
         wide = ordered((*base.ids, name))
-        every = (False, True) if LIBRARY[name].in_trials_alone else (base.changed,)
+        unsure = LIBRARY[name].in_trials_alone or LIBRARY[name].in_later
+        every = (False, True) if unsure else (base.changed,)
         problems = [AngleProblem(bench, wide, changed) for changed in every]
         slots = LIBRARY[name].slots
         mine = np.array([slots.start <= slot.place < slots.stop for slot in problems[0].slots])
@@ -122,7 +123,8 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
             z = np.empty(one.parameters)
             z[:5], z[5:][~mine], z[5:][mine] = base.z[:5], base.z[5:], point[5:]
             there, fixed_there = one.predict(z)
-            change = problem.stacked(problem.rows.merged(there - y), fixed_there - fixed)
+            rows, drift = problem.rows.merged(there - y), one.drifted(z) - drifted
+            change = problem.stacked(rows, fixed_there - fixed, drift)
             column = problem.white(factor, change)
             shadow = half @ column
             seen = float(column @ column - shadow @ shadow) + 1.0

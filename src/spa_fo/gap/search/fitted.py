@@ -149,7 +149,8 @@ def begun(
 def variants(bench: Bench, ids: Sequence[str]) -> tuple[bool, ...]:
     """List whether calibrations may show something else of effects; see `AngleProblem`."""
     evidence = bench.evidence
-    later = at_port("curve", ids) is not None and evidence.drift_deg.size > 0
+    since = at_port("curve", ids) is not None or any(LIBRARY[n].in_later for n in ids)
+    later = since and evidence.drift_deg.size > 0
     unseen = evidence.fixture is not None and any(LIBRARY[n].in_trials_alone for n in ids)
     return (False, True) if later or unseen else (False,)
 

@@ -147,6 +147,9 @@ class Effect:
         Whether the calibration's dwells show it.
     in_trials_alone : bool
         Whether they may as well not, as what logs them need not be what logs a trial.
+    in_later : bool
+        Whether later calibrations may show it as trials do, as it may have come since the first:
+        of what they read at an angle, whatever came before.
     shown_in : tuple of str
         Evidence that it shows in: a release, several levels, a hold, a mixed order of the trials.
     check : Check, optional
@@ -182,6 +185,7 @@ class Effect:
     filter: Filter = ""
     in_fixture: bool = False
     in_trials_alone: bool = False
+    in_later: bool = False
     shown_in: tuple[Shown, ...] = ()
     check: Check | None = None
     equivalents: Mapping[str, Check] = field(default_factory=dict)

@@ -37,6 +37,7 @@ EFFECT = Effect(
     name="saturation of the sensor",
     means="the reading stops rising at the top of its range",
     remedy="change the divider's resistor or the gain, so that the whole range of angles fits",
+    in_later=True,
     shown_in=("levels",),
     neutral={"ceiling_deg": 360.0, "knee_deg": 0.1},
 )
