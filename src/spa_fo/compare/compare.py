@@ -36,6 +36,7 @@ Progress = Callable[[str], None]
 
 SCHEMA = "spa-fo/comparison/1"
 NOTHING_CHANGED = "nothing_changed"
+_NOT_COMPARED = "the reference was hardly ever where this campaign was: nothing can be compared"
 _JUMP = 0.02  # of the commands' range, from one sample to the next
 _ABOUT = 5  # samples about it
 _MOST = 0.5  # of a trial
@@ -171,6 +172,7 @@ def compare(
         scatter=replace(scattered, rest_deg=_together(scattered.rest_deg, rest, moving)),
         angle_deg=_together(law.left_rms, uncertain(common), moving),
         read_deg=largest_deg(reference.trials),
+        unvisited=float(np.mean(np.concatenate(unvisited))),
         usual=tuple(
             (mean, np.where(rows, float(np.abs(trial.angle_deg).max()), deviation))
             for trial, (mean, deviation), rows in zip(data.trials, common, unvisited, strict=True)
@@ -199,6 +201,9 @@ def compare(
         progress=progress,
         beyond=beyond,
     )
+    if beyond.says_nothing:
+        where = replace(change.where, stage=None, not_known=_NOT_COMPARED)
+        change = replace(change, where=where)
     model = replace(change.model, extra={**plain.extra, **change.model.extra})
     return Comparison(
         reference=reference,
@@ -207,7 +212,7 @@ def compare(
         angle_law=law,
         pressure_law=of_pressure,
         common=tuple(mean for mean, _ in common),
-        unvisited=float(np.mean(np.concatenate(unvisited))),
+        unvisited=beyond.unvisited,
         model=model,
     )
 

@@ -24,6 +24,7 @@ from spa_fo.gap.claim.claimed import (
     exact,
     held_to,
     model_of,
+    not_compared,
     on_all_trials,
     times_expected,
     times_missed,
@@ -213,6 +214,8 @@ def _answered(
         if _gap_deg(examined, claimed) > CLEARLY * examined.floor_deg:
             # Also where the reference never went: what nobody knows of is not nothing.
             verdict = too_large_for_none(verdict)
+        if beyond.says_nothing:
+            verdict = not_compared(verdict)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
     return examined, claimed, verdict

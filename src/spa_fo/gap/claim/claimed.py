@@ -58,17 +58,21 @@ class Claim:
     curves: dict[str, Floats]
     errors: dict[Ids, float]  # RMS of the leading explanations, deg; of the plain model under ()
     closed: dict[Ids, float]  # what each leading explanation closes of the gap
+    by_chance: dict[Ids, float]  # and moves by what nobody can foretell of a trial, of the gap
+    by_refit: float  # what the plain model closes, identified again
     shrink: Shrink | None  # None where nothing is explained
     # What each would close if it were right, and 1 sigma of that, by noise and scatter.
     expected: dict[Ids, tuple[float, float]] = field(default_factory=dict)
 
     def closes(self, named: Ids) -> bool:
-        """Say whether a set may close enough, or does what nobody can foretell of a trial."""
-        by_chance = any(at_port(port, named) for port in ("zeros", "line"))
+        """Say whether a set may close enough, and as much as the plain model identified again."""
         surely = float(norm.ppf(SETTINGS.covered))  # deviations: as sure as what is named
         expected, doubt = self.expected.get(named, (1.0, 0.0))
-        most = self.closed.get(named, 0.0) + surely * doubt
-        return by_chance or most >= SETTINGS.worth * max(expected, 1.0)
+        most = self.closed.get(named, 0.0) + self.by_chance.get(named, 0.0) + surely * doubt
+        least = SETTINGS.worth * max(expected, 1.0)
+        if at_port("coefficients", named) is None:
+            least = max(least, self.by_refit - SETTINGS.gains)
+        return most >= least
 
 
 def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Claim:
@@ -112,6 +116,9 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
             (mean, sigma), gap = own.takes(without), _gap_of(before, floors[named])
             expected[named] = mean / gap, sigma / gap
     closed = {named: _closed(before, errors[named], floors[named]) for named in predicted}
+    chance = {named: _by_chance(verdict.of(named)) for named in predicted}
+    by_chance = {named: chance[named] / _gap_of(before, floors[named]) for named in predicted}
+    by_refit = _closed(before, rmse(everything, refit, where), floor_deg)
     made = None
     if first:
         scatter = judging[first].scatter(verdict.of(first).left_deg)
@@ -120,12 +127,18 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         if scatter > errors[()]:
             scatter = floor_deg  # what the plain model misses holds it, too
         made = shrink(everything, held, curves, scatter, rng)
-    return Claim(curves, errors, closed, made, expected)
+    return Claim(curves, errors, closed, by_chance, by_refit, made, expected)
 
 
 def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
     """Share of the squared gap that closes, beyond noise as far as the trials show it."""
     return (before_deg**2 - after_deg**2) / _gap_of(before_deg, floor_deg)
+
+
+def _by_chance(scored: Scored) -> float:
+    """Mean square by which a set moves trials in a way of their own, deg²."""
+    ports = "zeros", "line"
+    return sum(size**2 for name, size in scored.moved_deg.items() if LIBRARY[name].port in ports)
 
 
 def _gap_of(before_deg: float, floor_deg: float) -> float:
@@ -271,6 +284,12 @@ def too_large_for_none(verdict: Verdict) -> Verdict:
         return verdict
     scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
     return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+
+
+def not_compared(verdict: Verdict) -> Verdict:
+    """Say that nothing is known of a campaign where its reference never was."""
+    scored = [replace(s, probability=0.0) for s in verdict.scored]
+    return replace(judge(scored, 1.0, 0.0), sets=())
 
 
 def times_expected(examined: Examined, plain_deg: Floats) -> float:

@@ -87,6 +87,10 @@ class BenchNoise:
         return text
 
 
+NOWHERE = 0.9
+"""Share of rows where the reference never was: beyond, there is nothing to compare. Assumed."""
+
+
 @dataclass(frozen=True)
 class Beyond:
     """What is to be expected beside a bench's own noise: what a learned correction misses."""
@@ -99,6 +103,12 @@ class Beyond:
     # The correction itself, (rows,) by trial of the campaign, and how well it is known, deg.
     usual: tuple[tuple[Floats, Floats], ...] = ()
     read_deg: float = 0.0  # largest angle that the reference has read
+    unvisited: float = 0.0  # share of the campaign's rows where the reference never was
+
+    @property
+    def says_nothing(self) -> bool:
+        """Whether the reference was hardly ever where the campaign was."""
+        return self.unvisited > NOWHERE
 
 
 def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> BenchNoise:
