@@ -62,9 +62,12 @@ def droop(signal, fraction, recovery_s, slow_share, exponent, throttled_share=0.
     return np.array(out)
 
 
-def leak(signal, rate, makeup):
-    out, lost = [], 0.0
+def leak(signal, rate, makeup, vented_share):
+    out, lost, before = [], 0.0, 0.0
     for value in signal:
+        if 0.0 <= value < before:  # a part of what is lost goes out with what is vented
+            lost = (1.0 - vented_share) * lost + vented_share * lost * value / before
+        before = value
         lost += MS * (rate * max(value - lost, 0.0) - makeup * lost)
         lost = min(lost, max(value, 0.0))
         out.append(value - lost)

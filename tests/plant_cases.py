@@ -30,7 +30,7 @@ SIZES: dict[str, dict[str, float]] = {
         "throttled_share": 0.4,
         "slower": 6.0,
     },
-    "leak": {"rate_per_s": 0.02, "makeup_per_s": 0.05},
+    "leak": {"rate_per_s": 0.02, "makeup_per_s": 0.05, "vented_share": 0.6},
     "slew_limit": {"rise_kpa_s": 60.0, "fall_ratio": 0.7, "approach_s": 0.05},
     "drive_backlash": {"play_kpa": 3.0, "centre": 0.4, "kept": 1.0},
     "stiffening": {"fraction_at_60deg": 0.15, "exponent": 2.2},

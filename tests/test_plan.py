@@ -540,7 +540,8 @@ def test_a_diagnosis_is_read(tmp_path: Path) -> None:
 
 
 def test_values_beyond_their_bounds_are_taken_to_them() -> None:
-    given_values = {"leak": {"rate_per_s": 9.0, "makeup_per_s": {"value": 0.1, "ci95": None}}}
+    makeup = {"value": 0.1, "ci95": None}
+    given_values = {"leak": {"rate_per_s": 9.0, "makeup_per_s": makeup, "vented_share": 0.3}}
     assert rival(("leak",), given_values, COEFFICIENTS).effects[LIBRARY["leak"].first] == 0.3
 
 

@@ -71,7 +71,7 @@ DRIVES = {
         p["time_constant_s"] * p["second_pole"],
     ),
     "supply_droop": lambda s, p: naive.droop(s, **p),
-    "leak": lambda s, p: naive.leak(s, p["rate_per_s"], p["makeup_per_s"]),
+    "leak": lambda s, p: naive.leak(s, *p.values()),
     "slew_limit": lambda s, p: naive.slew(s, p["rise_kpa_s"], p["fall_ratio"], p["approach_s"]),
     "drive_backlash": lambda s, p: naive.play(s, p["play_kpa"], p["centre"]),
 }

@@ -56,5 +56,5 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
         low_pass(p, starts, slow)
         low_pass(p, starts, fast)
     if not math.isnan(e[LEAK]):
-        lose(p, starts, e[LEAK], e[LEAK + 1])
+        lose(p, starts, e[LEAK], e[LEAK + 1], e[LEAK + 2])
     return p

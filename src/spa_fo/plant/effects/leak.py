@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Effect, amplitude
+from spa_fo.plant.effects.effect import Effect, amplitude, share
 from spa_fo.plant.effects.shared import Floats, Integers
 from spa_fo.plant.memory import FINEST_STEP_S
 
@@ -27,6 +27,11 @@ EFFECT = Effect(
             high=2.0,
             start=0.01,
         ),
+        share(
+            "vented_share",
+            "part of the loss that a falling command takes along: all of it where the air is shut "
+            "in, none where the supply falls by as much as it is told to",
+        ),
     ),
     name="leak",
     means="pressure is lost while the command is held",
@@ -37,11 +42,14 @@ EFFECT = Effect(
 
 
 @njit
-def lose(p: Floats, starts: Integers, rate: float, makeup: float) -> None:
+def lose(p: Floats, starts: Integers, rate: float, makeup: float, vented: float) -> None:
     """Lose pressure in proportion to itself; the supply makes good in proportion to the loss."""
     for trial in range(starts.size - 1):
-        lost = 0.0
+        lost = before = 0.0
         for i in range(starts[trial], starts[trial + 1]):
+            if 0.0 <= p[i] < before:
+                lost *= 1.0 - vented * (1.0 - p[i] / before)
+            before = p[i]
             lost += FINEST_STEP_S * (rate * max(p[i] - lost, 0.0) - makeup * lost)
             lost = min(lost, max(p[i], 0.0))
             p[i] -= lost
