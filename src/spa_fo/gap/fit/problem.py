@@ -20,12 +20,14 @@ from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.mixed import WEAK
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Mounting
+from spa_fo.plant.effects.effect import PASSING
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 from spa_fo.plant.stages import felt_angle
 
 Floats = NDArray[np.float64]
 
 _KINK_DEG = 1.0  # over which the slope of a curve with kinks is taken
+_ARRIVED = 0.5  # of what filters leave to a dwell: nobody logs how the fixture came to stand
 _OF_TRIALS = [GAIN, REST, TIME_SCALE]
 _SURELY = 1e-3  # probability that a scatter is larger than its bound
 
@@ -76,6 +78,7 @@ class AngleProblem(Explained):
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
         self._unseen = LIBRARY.slots(lambda e: e.in_trials_alone)
         self._later = LIBRARY.slots(lambda e: e.in_later)
+        self._passing = LIBRARY.slots(lambda e: e.in_fixture and e.filter in PASSING)
         self._moving = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
         self.whitening, fixture, none = bench.whitening, self.evidence.fixture, np.zeros(0)
         further = [  # measured, and its error
@@ -98,10 +101,12 @@ class AngleProblem(Explained):
         evidence, bench, fixture = self.evidence, self.bench, self.evidence.fixture
         self.trials = np.unique(self.trial)
         slips, curve = at_port("zeros", self.ids), at_port("curve", self.ids)
+        passing = any(LIBRARY[n].first in self._passing for n in self.ids)
         sizes = [
             evidence.curve_sigma_deg.size,
             1,
             0 if fixture is None else int(fixture.dwell.max()) + 1,
+            1 if fixture is not None and passing else 0,
             1 if slips else 0,
             len(evidence.grid.trials) if slips else 0,
             3 * self.trials.size,
@@ -110,9 +115,11 @@ class AngleProblem(Explained):
         ]
         self.size = sum(sizes)
         parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
-        self.curve, self.late, self.dwells, self.walk, self.steps, own, waves, self.trends = parts
+        self.curve, self.late, self.dwells, self.arrived, self.walk, *parts = parts
+        self.steps, own, waves, self.trends = parts
         self.own, self.waves = own.reshape(-1, 3), waves.reshape(-1, 2)
-        self.moving = np.append(self.curve, self.dwells)
+        self.read = np.append(self.curve, self.dwells)
+        self.moving = np.append(self.read, self.arrived)
         self.group, self.variance = np.full(self.size, -1), np.ones(self.size)
         self.group[self.own] = [GAIN, REST, TIME_SCALE]
         self.group[self.dwells] = DWELL
@@ -125,6 +132,7 @@ class AngleProblem(Explained):
         if self.trend:
             self.variance[self.trends] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])
         self.variance[self.late] = SETTINGS.angle_late_s**2
+        self.variance[self.arrived] = _ARRIVED**2
         if slips:
             self.variance[self.walk] = LIBRARY[slips].parameters[0].at(evidence.reach).spread ** 2
         self._still = self._of_calibrations()
@@ -135,7 +143,7 @@ class AngleProblem(Explained):
         n, (y, _), slopes = rows.size, self.predict(z), self.slopes(z)
         gain, scale = slopes[:n, LN_GAIN], slopes[:n, : self.free] @ quicker(z)
         out = self._still.copy()
-        out[:n, self.moving] = self._of_reading(rows.merged(y))
+        out[:, self.moving] = self.moved(z)
         out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
         every, trial = np.arange(n), self.trial
         own = self.own[np.searchsorted(self.trials, trial)].T
@@ -168,17 +176,25 @@ class AngleProblem(Explained):
         return out
 
     def moved(self, z: Floats) -> Floats:
-        """Columns of a wrong curve and of wrong known angles, about what is read at a point."""
-        (y, _), n = self.predict(z), self.rows.size
+        """Columns of a wrong curve, of wrong known angles, and of how the fixture came to stand."""
+        (y, fixture), n = self.predict(z), self.rows.size
         out = self._still[:, self.moving]
-        out[:n] = self._of_reading(self.rows.merged(y))
+        out[:n, : self.read.size] = self._of_reading(self.rows.merged(y))
+        if self.arrived.size:
+            settled = self.effects(z)
+            settled[self._passing] = np.nan
+            out[n : n + fixture.size, -1] = fixture - self.in_fixture(settled)[0]
         return out
 
     def slopes_beside(self, z: Floats, b: Floats) -> Floats:
         """Slopes of the prediction and of what a wrong curve and wrong known angles make of it."""
         y, slopes, n = self.rows.merged(self.predict(z)[0]), self.slopes(z).copy(), self.rows.size
-        ends = [self._of_reading(y + side * _KINK_DEG) @ b[self.moving] for side in (0.5, -0.5)]
+        ends = [self._of_reading(y + side * _KINK_DEG) @ b[self.read] for side in (0.5, -0.5)]
         slopes[:n] *= 1.0 + (ends[0] - ends[1])[:, None] / _KINK_DEG
+        if self.arrived.size:
+            places = [slot.place in self._passing for slot in self.slots]
+            lagging = self.free + np.flatnonzero(places)
+            slopes[n : n + self.further[0], lagging] *= 1.0 + b[self.arrived]
         return slopes
 
     def _of_reading(self, angle_deg: Floats) -> Floats:

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from spa_fo.plant.effects.effect import Check, Effect, Shown
+from spa_fo.plant.effects.effect import PASSING, Check, Effect, Shown
 from spa_fo.plant.effects.library import LIBRARY
 
 _MOST = 2  # remedies for one pair
-_PASSING = ("delay", "lag")  # filters that leave nothing behind once an angle has settled
 
 _TAP = Check(
     "log the pressure with a tap in the line, close to the actuator",
@@ -85,7 +84,7 @@ def known_remedies() -> Iterator[Remedy]:
     drive = _where(lambda e: e.stage == "drive")
     actuator = _where(lambda e: e.stage == "actuator")
     sensor = _where(lambda e: e.stage == "sensor")
-    settles = sensor & _where(lambda e: e.filter not in _PASSING)
+    settles = sensor & _where(lambda e: e.filter not in PASSING)
     for effect in LIBRARY.values():
         for other, check in effect.equivalents.items():
             yield Remedy(check, frozenset({effect.id}), frozenset({other}))

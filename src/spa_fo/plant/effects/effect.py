@@ -26,6 +26,8 @@ STAGES: tuple[Stage, ...] = tuple(_SERIES)
 Port = Literal["chain", "coefficients", "curve", "zeros", "line"]
 Filter = Literal["", "delay", "lag", "creep"]
 Shown = Literal["release", "levels", "hold", "order"]
+PASSING = ("delay", "lag")
+"""Filters that leave nothing behind once an angle has settled."""
 
 RARER = 0.2
 """Odds of what single rigs show against what the literature finds on most of them."""
