@@ -204,7 +204,8 @@ def _answered(
     if beyond is None:
         progress("weighing laws that have no name against it")
         verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed)
-        if times_expected(examined, claimed.curves["plain"]) > CLEARLY:
+        too_large = times_expected(examined, claimed.curves["plain"]) > CLEARLY
+        if too_large or not examined.found.bench.noise.is_ordinary:
             verdict = too_large_for_none(verdict)
     else:
         verdict = alone_if_rare(verdict)

@@ -283,7 +283,8 @@ def too_large_for_none(verdict: Verdict) -> Verdict:
     if verdict.kind != "no_gap":
         return verdict
     scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
-    return judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+    again = judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+    return replace(again, sets=()) if again.kind == "unknown" else again  # no set stood before
 
 
 def not_compared(verdict: Verdict) -> Verdict:

@@ -64,6 +64,12 @@ class BenchNoise:
         """Give how the zeros of these trials are expected to move, deg."""
         return np.zeros(trial.size) if self.zeros_deg is None else self.zeros_deg[trial]
 
+    @property
+    def is_ordinary(self) -> bool:
+        """Whether gain and time scale scatter by no more than those of benches do."""
+        most = SETTINGS.most_scatter * SETTINGS.scatter
+        return max(self.scatter.gain, self.scatter.time_scale) <= most
+
     def floor_deg(self, angle_deg: Floats) -> float:
         """Give what trials of these angles would differ by from their mean, RMS, deg."""
         gain = self.scatter.gain * np.sqrt(np.mean(angle_deg**2))
@@ -82,6 +88,8 @@ class BenchNoise:
             f"over about {correlation_s:.1g} s; from trial to trial {100.0 * own.gain:.2g} % "
             f"in gain, {own.rest_deg:.2g}° at rest, {100.0 * own.time_scale:.2g} % in time scale."
         )
+        if not self.is_ordinary:
+            text += " Trials of no ordinary bench differ by so much: something varies between them."
         if self.fixture_deg is not None:
             text += f" The calibration's known angles err by about {self.fixture_deg:.2g}°."
         return text
