@@ -53,7 +53,8 @@ def stages(
     if verdict.kind == "no_gap":
         return dict.fromkeys(STAGES, 0.0), None
     known = stage_shares(verdict)
-    if verdict.kind != "unknown" or (verdict.sets and not everything.has_pressure):
+    by_command = grid.command_kpa is not None and not everything.has_pressure
+    if verdict.kind != "unknown" or (verdict.sets and by_command):
         return known, None
     drive, rest_deg = 0.0, grid.angle_deg - plain_deg
     if everything.has_pressure:
@@ -62,19 +63,20 @@ def stages(
         driven, _ = chain.run(examined.given, absent())
         drive = float(np.mean((driven - plain_deg) ** 2))
         rest_deg = grid.angle_deg - driven
-    elif fixture is None:
+    elif fixture is None and not verdict.sets:
         return None, _DRIVEN_BY_PRESSURE if grid.command_kpa is None else _NOT_KNOWN
-    rest = float(np.mean(rest_deg**2)) + 1e-9
+    rest, sensor = float(np.mean(rest_deg**2)) + 1e-9, 0.0
+    if fixture is not None:
+        excess = float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2))
+        sensor = min(max(excess, 0.0), rest)
+    # What nothing shows elsewhere counts as the actuator's.
+    squares = {"actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
     if verdict.sets:
-        # Where a part is explained, that says more of what is not the drive's.
+        # A part that is explained says of what is not the drive's as much as it is probable.
         beyond = max(1.0 - known["drive"], 1e-9)
-        squares = {stage: share / beyond * rest for stage, share in known.items()}
-    else:
-        sensor = 0.0
-        if fixture is not None:
-            excess = float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2))
-            sensor = min(max(excess, 0.0), rest)
-        squares = {"actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
+        for stage in squares:
+            square = known[stage] / beyond * rest
+            squares[stage] += (1.0 - verdict.unknown) * (square - squares[stage])
     squares["drive"] = drive
     total = sum(squares.values())
     return {stage: squares[stage] / total for stage in STAGES}, None
