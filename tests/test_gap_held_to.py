@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -12,6 +13,7 @@ from spa_fo.gap.claim.claimed import (
     Claim,
     beyond_expected,
     held_to,
+    not_compared,
     times_expected,
     times_missed,
     too_large_for_none,
@@ -58,9 +60,25 @@ def test_what_should_have_closed_far_more_is_refuted_by_what_it_does_not() -> No
     assert (refuted.kind, refuted.sets) == ("unknown", ())
 
 
-def test_nobody_foretells_a_slip_so_it_stands() -> None:
+def test_nobody_foretells_a_slip_so_it_stands_by_what_it_moves() -> None:
     verdict = answer({("sensor_slip",): 0.9}, 0.1)
-    assert held_to(verdict, claims({("sensor_slip",): -0.2})) == verdict
+    held_out = claims({("sensor_slip",): -0.2})
+    assert held_to(verdict, replace(held_out, by_chance={("sensor_slip",): 0.9})) == verdict
+    # One that hardly moves a trial is not what the gap is.
+    small = replace(held_out, by_chance={("sensor_slip",): 0.05})
+    assert (held_to(verdict, small).kind, held_to(verdict, small).sets) == ("unknown", ())
+
+
+def test_a_cause_has_to_close_what_the_plain_model_does_identified_again() -> None:
+    verdict = answer({("creep",): 0.9}, 0.1)
+    half = claims({("creep",): 0.5})
+    assert held_to(verdict, replace(half, by_refit=0.55)) == verdict
+    refuted = held_to(verdict, replace(half, by_refit=0.95))
+    assert (refuted.kind, refuted.unknown) == ("unknown", pytest.approx(1.0))
+    assert held_to(verdict, replace(claims({("creep",): 0.5}, 0.4), by_refit=0.95)) == verdict
+    again = answer({("parameter_shift",): 0.9}, 0.1)
+    shift = claims({("parameter_shift",): 0.5})
+    assert held_to(again, replace(shift, by_refit=0.95)) == again
 
 
 @pytest.mark.parametrize(("closed", "left"), [(-2.5, ()), (0.9, (("creep", "sensor_slip"),))])
@@ -110,6 +128,11 @@ def test_a_gap_beyond_all_that_is_expected_is_none_of_it() -> None:
     assert found.unknown == pytest.approx(0.95)
     cause = answer({("creep",): 0.9}, 0.1)
     assert too_large_for_none(cause) == cause
+
+
+def test_what_the_reference_never_saw_is_neither_the_same_nor_changed() -> None:
+    found = not_compared(answer({(): 0.9, ("creep",): 0.05}, 0.05))
+    assert (found.kind, found.sets, found.none, found.unknown) == ("unknown", (), 0.0, 1.0)
 
 
 def examined(repeats: int, response: Any = None, fixture: Any = None) -> Any:

@@ -58,11 +58,12 @@ class Claim:
     curves: dict[str, Floats]
     errors: dict[Ids, float]  # RMS of the leading explanations, deg; of the plain model under ()
     closed: dict[Ids, float]  # what each leading explanation closes of the gap
-    by_chance: dict[Ids, float]  # and moves by what nobody can foretell of a trial, of the gap
-    by_refit: float  # what the plain model closes, identified again
     shrink: Shrink | None  # None where nothing is explained
     # What each would close if it were right, and 1 sigma of that, by noise and scatter.
     expected: dict[Ids, tuple[float, float]] = field(default_factory=dict)
+    # By how much each moves trials in a way that nobody can foretell, of the squared gap.
+    by_chance: dict[Ids, float] = field(default_factory=dict)
+    by_refit: float = 0.0  # what the plain model closes, identified again
 
     def closes(self, named: Ids) -> bool:
         """Say whether a set may close enough, and as much as the plain model identified again."""
@@ -127,7 +128,7 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         if scatter > errors[()]:
             scatter = floor_deg  # what the plain model misses holds it, too
         made = shrink(everything, held, curves, scatter, rng)
-    return Claim(curves, errors, closed, by_chance, by_refit, made, expected)
+    return Claim(curves, errors, closed, made, expected, by_chance, by_refit)
 
 
 def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
