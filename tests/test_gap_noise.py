@@ -226,3 +226,16 @@ def test_what_the_bench_adds_is_said_where_trials_were_repeated() -> None:
     assert "known angles" not in BenchNoise(noise, own, None).sentence()
     alone = Spectrum(noise.white, noise.coloured, 0)
     assert BenchNoise(alone, own, 0.2).sentence() == ""
+
+
+@pytest.mark.parametrize(("gain", "time_scale"), [(0.14, 0.01), (0.01, 0.09)])
+def test_trials_that_differ_by_more_than_those_of_benches_show_something(
+    gain: float, time_scale: float
+) -> None:
+    spectrum = Spectrum(0.01, np.full(6, 0.01), repeats=4)
+    ordinary = BenchNoise(spectrum, Scatter(0.03, 0.2, 0.03), None)
+    wild = replace(ordinary, scatter=Scatter(gain, 0.2, time_scale))
+    assert ordinary.is_ordinary
+    assert not wild.is_ordinary
+    assert "something varies between them" in wild.sentence()
+    assert "something varies between them" not in ordinary.sentence()

@@ -1,0 +1,94 @@
+"""What calibrations say of an explanation: later ones, and how a fixture came to stand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import campaigns
+import naive_rig
+from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.data.fixture import fixture_of
+from spa_fo.gap.fit.bench import Bench, bench_for
+from spa_fo.gap.fit.problem import AngleProblem
+from spa_fo.gap.search.fitted import variants
+from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.rig import read_campaign, read_trials
+from spa_fo.rig.calibration import calibrate
+from spa_fo.rig.spa_rig_log import parse_spa_rig_log
+
+GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
+CEILING_DEG = 25.0
+
+
+@pytest.fixture(scope="module")
+def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
+    """Trials between two calibrations, the later of which reads no more than a ceiling."""
+    folder = tmp_path_factory.mktemp("calibrated") / "steps"
+    campaigns.step_campaign(folder, trials=2)
+    log = parse_spa_rig_log(naive_rig.calibration_log(), "pre.log")
+    first = calibrate(log.t_s, log.columns["angle_deg"], log.columns["flex_adc"], "pre.log")
+    fixture = fixture_of((first, replace(first, started_s=5000.0)), 1000.0)
+    assert fixture is not None
+    known_deg = np.unique(fixture.known_deg)
+    bare = collect(read_trials(read_campaign(folder)))
+    return replace(
+        bare,
+        fixture=fixture,
+        drift_angle_deg=known_deg,
+        drift_deg=np.minimum(known_deg, CEILING_DEG) - known_deg,
+        drift_sigma_deg=np.full(known_deg.size, 0.1),
+        drift_after=np.full(known_deg.size, len(bare.grid.trials)),
+    )
+
+
+def bench_of(evidence: Evidence) -> Bench:
+    return bench_for(evidence, GIVEN, own=False, pressure_kpa=None)
+
+
+def point(problem: AngleProblem, **values: float) -> np.ndarray:
+    """The most plausible coefficients, and these parameters."""
+    own = [slot.searched(values[slot.parameter.name]) for slot in problem.slots]
+    return np.append(problem.bench.centre, own)
+
+
+def test_a_ceiling_that_came_since_shows_in_a_later_calibration(evidence: Evidence) -> None:
+    bench = bench_of(evidence)
+    ids = ("sensor_saturation",)
+    assert variants(bench, ids) == (False, True)
+    shown, hidden = (AngleProblem(bench, ids, changed) for changed in (True, False))
+    z = point(shown, ceiling_deg=CEILING_DEG, knee_deg=0.1)
+    np.testing.assert_allclose(shown.drifted(z), bench.evidence.drift_deg, atol=0.01)
+    np.testing.assert_array_equal(hidden.drifted(z), 0.0)
+    first = shown.rows.size + shown.further[0]
+    left = shown.left(z)[first : first + shown.further[1]]
+    np.testing.assert_allclose(left, 0.0, atol=0.01)
+
+
+def test_nothing_else_of_the_mechanics_shows_there(evidence: Evidence) -> None:
+    bench = bench_of(evidence)
+    problem = AngleProblem(bench, ("contact_stop",), changed=True)
+    z = point(problem, angle_deg=10.0, stiffness=1.0, softness_deg=1.0)
+    np.testing.assert_array_equal(problem.drifted(z), 0.0)
+    no_later = replace(bench.evidence, drift_deg=np.zeros(0))
+    assert variants(replace(bench, evidence=no_later), ("sensor_saturation",)) == (False,)
+
+
+def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(evidence: Evidence) -> None:
+    problem = AngleProblem(bench_of(evidence), ("sensor_lag",))
+    z = point(problem, time_constant_s=0.4, second_pole=0.2)
+    n, rows = problem.rows.size, problem.further[0]
+    column = problem.columns(z)[:, problem.arrived]
+    _, fixture = problem.predict(z)
+    assert np.abs(fixture).max() > 0.05
+    np.testing.assert_allclose(column[n : n + rows, 0], fixture, atol=1e-12)
+    assert not column[:n].any()
+    np.testing.assert_array_equal(problem.columns(z)[:, problem.moving], problem.moved(z))
+    b = np.zeros(problem.size)
+    b[problem.arrived] = -0.5
+    halved, whole = problem.slopes_beside(z, b), problem.slopes(z)
+    np.testing.assert_allclose(halved[n : n + rows, 5:], 0.5 * whole[n : n + rows, 5:], atol=1e-9)
+    assert AngleProblem(bench_of(evidence), ("creep",)).arrived.size == 0
+    assert LIBRARY["sensor_lag"].in_fixture
