@@ -11,6 +11,7 @@ from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from spa_fo.gap.data.evidence import curve_columns
@@ -18,6 +19,7 @@ from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
 from spa_fo.gap.fit.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.mixed import WEAK
+from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Mounting
 from spa_fo.plant.effects.library import LIBRARY, at_port
@@ -124,6 +126,8 @@ class AngleProblem(Explained):
         self.variance[self.late] = SETTINGS.angle_late_s**2
         if slips:
             self.variance[self.walk] = LIBRARY[slips].parameters[0].at(evidence.reach).spread ** 2
+        of_known = np.zeros((0, 0)) if fixture is None else fixture.of_known
+        self._made_of = block_diag(np.eye(self.curve.size), of_known)
         self._still = self._of_calibrations()
 
     def columns(self, z: Floats) -> Floats:
@@ -132,7 +136,7 @@ class AngleProblem(Explained):
         n, (y, _), slopes = rows.size, self.predict(z), self.slopes(z)
         gain, scale = slopes[:n, LN_GAIN], slopes[:n, : self.free] @ quicker(z)
         out = self._still.copy()
-        out[:n, self.moving] = self._of_reading(rows.merged(y))
+        out[:n, self.moving] = self._of_reading(rows.merged(y)) @ self._made_of
         out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
         every, trial = np.arange(n), self.trial
         own = self.own[np.searchsorted(self.trials, trial)].T
@@ -164,22 +168,24 @@ class AngleProblem(Explained):
                 self._of_drift(out[end : end + evidence.drift_deg.size])
         return out
 
-    def moved(self, z: Floats) -> Floats:
-        """Columns of a wrong curve and of wrong known angles, about what is read at a point."""
-        (y, _), n = self.predict(z), self.rows.size
-        out = self._still[:, self.moving]
-        out[:n] = self._of_reading(self.rows.merged(y))
-        return out
+    def moved(self, factor: Factor, z: Floats) -> Floats:
+        """Whiten columns of a wrong curve and of wrong known angles, about what is read there."""
+        read = self._of_reading(self.rows.merged(self.predict(z)[0]))
+        # A known angle's dwells have one column between them.
+        own = self.whitening.white(factor, read) @ self._made_of
+        rest = self._still[self.rows.size :, self.moving] / self.sigma[:, None]
+        return np.concatenate([own, rest])
 
     def slopes_beside(self, z: Floats, b: Floats) -> Floats:
         """Slopes of the prediction and of what a wrong curve and wrong known angles make of it."""
         y, slopes, n = self.rows.merged(self.predict(z)[0]), self.slopes(z).copy(), self.rows.size
-        ends = [self._of_reading(y + side * _KINK_DEG) @ b[self.moving] for side in (0.5, -0.5)]
+        b = self._made_of @ b[self.moving]
+        ends = [self._of_reading(y + side * _KINK_DEG) @ b for side in (0.5, -0.5)]
         slopes[:n] *= 1.0 + (ends[0] - ends[1])[:, None] / _KINK_DEG
         return slopes
 
     def _of_reading(self, angle_deg: Floats) -> Floats:
-        """Give what errors of the curve and of known angles make of readings, (n, moving)."""
+        """Give what errors of the curve and of each known angle make of readings, (n, k)."""
         fixture, curve = self.evidence.fixture, curve_columns(angle_deg)
         return curve if fixture is None else np.hstack([curve, fixture.misread(angle_deg)])
 

@@ -14,9 +14,9 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
+from spa_fo.gap.fit.lapack import forward
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
@@ -103,10 +103,9 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
     matrix = own.T @ own
     matrix[np.diag_indices_from(matrix)] += precision
     root = np.linalg.cholesky(matrix)
-    half = solve_triangular(root, own.T, lower=True)
-    away = solve_triangular(problem.root, problem.centre - base.z, lower=True)
+    away = forward(problem.root, problem.centre - base.z)
     pull = np.append(np.zeros(precision.size - away.size), away)
-    taken = half @ left + solve_triangular(root, pull, lower=True)
+    taken = forward(root, own.T @ left + pull)
     y, fixed = problem.predict(base.z)
     shown = []
     for name in names:
@@ -124,7 +123,7 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
             there, fixed_there = one.predict(z)
             change = problem.stacked(problem.rows.merged(there - y), fixed_there - fixed)
             column = problem.white(factor, change)
-            shadow = half @ column
+            shadow = forward(root, own.T @ column)
             seen = float(column @ column - shadow @ shadow) + 1.0
             score = float(column @ left - shadow @ taken)
             size = float(np.clip(score / seen, -_FARTHEST if signed else 0.0, _FARTHEST))
