@@ -261,7 +261,7 @@ def ratchet(target, building, recovery):
 
 
 def row_reading(cells, t_s, cell_s=0.02):
-    """What the rows of one trial read of a signal on cells: the cell that is over, and its slope."""
+    """What rows of a trial read of a signal on cells: the cell that is over, and its slope."""
     over = np.clip(np.floor(t_s / cell_s + 1e-6).astype(int) - 1, 0, cells.size - 1)
     rise = cells[over] - cells[np.maximum(over - 1, 0)]
     goes_on = cells[np.minimum(over + 1, cells.size - 1)] - cells[over]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 Floats = NDArray[np.float64]
+Numbers = NDArray[np.floating[Any]]
 
 
-def forward(root: Floats, right: Floats, transposed: bool = False) -> Floats:
+def forward(root: Numbers, right: Numbers, transposed: bool = False) -> Floats:
     """Solve for a lower-triangular root, (n, n), or for what it is transposed."""
     solved, status = lapack.dtrtrs(root.T, right, lower=0, trans=not transposed)
     if status != 0:
@@ -17,7 +20,7 @@ def forward(root: Floats, right: Floats, transposed: bool = False) -> Floats:
     return np.asarray(solved)
 
 
-def definite(matrix: Floats, right: Floats) -> Floats:
+def definite(matrix: Numbers, right: Numbers) -> Floats:
     """Solve for a positive definite matrix, (n, n)."""
     _, solved, status = lapack.dposv(matrix, right, lower=1)
     if status != 0:

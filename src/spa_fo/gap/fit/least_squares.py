@@ -20,8 +20,8 @@ from scipy.special import erfcx, log_ndtr
 
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, Slot
 from spa_fo.gap.fit.coefficients import Coefficients
-from spa_fo.gap.fit.minimise import Minimum, Quadratic, free_of, minimise
 from spa_fo.gap.fit.lapack import forward
+from spa_fo.gap.fit.minimise import Minimum, Quadratic, free_of, minimise
 from spa_fo.gap.fit.mixed import WEAK, Normal, Prior, Solution, solve
 from spa_fo.gap.noise.whitening import Factor, Whitening
 from spa_fo.plant.effects.effect import Reach
@@ -171,8 +171,7 @@ class Explained(ABC):
         """
         start = np.clip(start, self.low, self.high)
         held, precision = self.white(factor, self.columns(start)), np.diag(1.0 / spread)
-        r = columns = root = j = j_taken = np.zeros(0)  # at the last point that was looked at
-        last = np.zeros(0)
+        last = r = columns = root = j = j_taken = np.zeros(0)  # the last point, and what is there
 
         def look(z: Floats, left: Floats) -> None:
             """Whiten what is left and the columns; the root is of their coefficients' precision."""
@@ -181,7 +180,7 @@ class Explained(ABC):
             if self.moving.size:
                 columns = held.copy()
                 columns[:, self.moving] = self.moved(factor, z)
-            root = np.linalg.cholesky(columns.T @ columns + precision)
+            root = np.asarray(np.linalg.cholesky(columns.T @ columns + precision), np.float64)
 
         def taken_of(values: Floats) -> Floats:
             """Give what the nuisances take of whitened values, in units of their root."""

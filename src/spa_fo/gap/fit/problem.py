@@ -7,6 +7,7 @@ calibration dwells', the log's lateness, and every trial's own gain, rest angle 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from itertools import zip_longest
 
 import numpy as np
@@ -243,6 +244,7 @@ class AngleProblem(Explained):
         return np.concatenate([angle, *parts])
 
 
+@cache
 def most(repeats: int) -> float:
     """Bound a scatter, in units of its estimate from so many differences of repeats."""
     if repeats < 1:

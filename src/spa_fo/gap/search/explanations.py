@@ -33,7 +33,7 @@ from spa_fo.gap.search.fitted import (
     without_others,
 )
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.gap.together import each
+from spa_fo.gap.together import Team, each, team
 from spa_fo.plant.effects.library import LIBRARY, at_port, beside, log_odds, ordered
 
 Floats = NDArray[np.float64]
@@ -168,14 +168,15 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     alone += [((n,), _points(shown, n)) for n in _first(shown, _SINGLES)]
     if again is not None and not bench.own:
         alone.append(((again,), [plain.z]))
-    fits = {(): plain} | _fits(bench, alone, plain, plain, least=_HOSTS)
-    allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
-    hosts = sorted(allowed, key=lambda f: -_worth(f))[:_HOSTS]
-    pairs = _beside(bench, hosts, chained, linear, plain)
-    fits |= pairs
-    top = max(pairs.values(), key=_worth, default=plain)
-    if hosts and SETTINGS.temper * (_worth(top) - _worth(hosts[0])) > further_price():
-        fits |= _three(bench, top, chained, linear, fits, plain)
+    with team(bench) as ours:
+        fits = {(): plain} | _fits(ours, alone, plain, plain, least=_HOSTS)
+        allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
+        hosts = sorted(allowed, key=lambda f: -_worth(f))[:_HOSTS]
+        pairs = _beside(ours, hosts, chained, linear, plain)
+        fits |= pairs
+        top = max(pairs.values(), key=_worth, default=plain)
+        if hosts and SETTINGS.temper * (_worth(top) - _worth(hosts[0])) > further_price():
+            fits |= _three(ours, top, chained, linear, fits, plain)
     bench, fits, line = _with_line(bench, fits, excluded)
     best = max(f.quick for f in fits.values())
     near = [f for f in fits.values() if f.quick > best - WORTH_WEIGHING or not f.ids]
@@ -186,7 +187,7 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
 
 
 def _beside(
-    bench: Bench,
+    ours: Team,
     hosts: Sequence[Fitted],
     chained: Sequence[str],
     linear: Sequence[str],
@@ -194,7 +195,7 @@ def _beside(
 ) -> dict[Ids, Fitted]:
     """Fit one effect more beside each host: those that a score test shows, and the linear ones."""
     more: dict[Ids, list[Floats]] = {}
-    shown = each(lambda host: screen(bench, host, beside(host.ids, chained)), hosts)
+    shown = ours(screen, [(host, beside(host.ids, chained)) for host in hosts])
     for host, seen in zip(hosts, shown, strict=True):
         for name in _first(seen, _BESIDE):
             more.setdefault(ordered((*host.ids, name)), _points(seen, name)[:1])
@@ -202,11 +203,11 @@ def _beside(
             if name not in host.ids:
                 more.setdefault(ordered((*host.ids, name)), [host.z])
     best = max(hosts, key=lambda f: f.quick, default=plain)
-    return _fits(bench, list(more.items()), plain, best)
+    return _fits(ours, list(more.items()), plain, best)
 
 
 def _fits(
-    bench: Bench,
+    ours: Team,
     wanted: Sequence[tuple[Ids, list[Floats]]],
     plain: Fitted,
     best: Fitted,
@@ -216,8 +217,8 @@ def _fits(
 
     Parameters
     ----------
-    bench : Bench
-        The campaign.
+    ours : Team
+        Of the campaign's bench.
     wanted : sequence of (ids, points)
         Explanations, and where to begin.
     plain : Fitted
@@ -227,7 +228,7 @@ def _fits(
     least : int
         How many of the best are fitted to their end in any case, besides a shift of the parameters.
     """
-    rough = each(lambda a: begun(bench, a[0], a[1], plain), wanted)
+    rough = ours(begun, [(ids, points, plain) for ids, points in wanted])
     ranked = sorted(rough, key=lambda f: -f.quick)
     highest = max([best.quick, *(f.quick for f in ranked)])
     again = at_port("coefficients")
@@ -238,12 +239,12 @@ def _fits(
         or f.ids == (again,)
         or f.quick + HOPE * f.decrement > highest - WORTH_WEIGHING
     ]
-    ended = each(lambda f: settled(bench, f, plain), worth)
+    ended = ours(settled, [(f, plain) for f in worth])
     return {f.ids: f for f in rough} | {f.ids: f for f in ended}
 
 
 def _three(
-    bench: Bench,
+    ours: Team,
     pair: Fitted,
     chained: Sequence[str],
     linear: Sequence[str],
@@ -251,12 +252,12 @@ def _three(
     plain: Fitted,
 ) -> dict[Ids, Fitted]:
     """Fit a third effect beside a pair, and the other pairs of what does best."""
-    found = _beside(bench, [pair], chained, linear, plain)
+    found = _beside(ours, [pair], chained, linear, plain)
     best = max(found.values(), key=_worth, default=pair)
     if SETTINGS.temper * (_worth(best) - _worth(pair)) > further_price():
         fewer = [tuple(n for n in best.ids if n != name) for name in best.ids]
         missing = [ids for ids in fewer if ids not in fits]
-        again = each(lambda ids: fit(bench, ids, [without_others(best, ids)], plain), missing)
+        again = ours(fit, [(ids, [without_others(best, ids)], plain) for ids in missing])
         found |= {f.ids: f for f in again}
     return found
 
