@@ -14,6 +14,8 @@ Numbers = NDArray[np.floating[Any]]
 
 def forward(root: Numbers, right: Numbers, transposed: bool = False) -> Floats:
     """Solve for a lower-triangular root, (n, n), or for what it is transposed."""
+    if right.size == 0:
+        return np.zeros(right.shape)
     solved, status = lapack.dtrtrs(root.T, right, lower=0, trans=not transposed)
     if status != 0:
         raise np.linalg.LinAlgError("a triangular matrix is singular")

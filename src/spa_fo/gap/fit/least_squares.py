@@ -47,6 +47,20 @@ class Linear:
     columns: Floats
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """A point of a search: what is left there, and the nuisances' columns, whitened."""
+
+    z: Floats
+    left: Floats
+    columns: Floats
+    root: Floats  # of their coefficients' precision, lower
+
+    def taken(self, values: Floats) -> Floats:
+        """Give what the nuisances take of whitened values, in units of their root."""
+        return forward(self.root, self.columns.T @ values)
+
+
 class Explained(ABC):
     """What is searched of an explanation, and what its rows say.
 
@@ -171,48 +185,45 @@ class Explained(ABC):
         """
         start = np.clip(start, self.low, self.high)
         held, precision = self.white(factor, self.columns(start)), np.diag(1.0 / spread)
-        last = r = columns = root = j = j_taken = np.zeros(0)  # the last point, and what is there
+        seen = _Seen(np.zeros(0), held, held, held)  # the last point that was looked at
+        kept, j, j_taken = seen, held, held  # the last one that was kept
 
-        def look(z: Floats, left: Floats) -> None:
-            """Whiten what is left and the columns; the root is of their coefficients' precision."""
-            nonlocal last, r, columns, root
-            last, r, columns = z, self.white(factor, left), held
+        def look(z: Floats, left: Floats) -> _Seen:
+            columns = held
             if self.moving.size:
                 columns = held.copy()
                 columns[:, self.moving] = self.moved(factor, z)
             root = np.asarray(np.linalg.cholesky(columns.T @ columns + precision), np.float64)
+            return _Seen(z, self.white(factor, left), columns, root)
 
-        def taken_of(values: Floats) -> Floats:
-            """Give what the nuisances take of whitened values, in units of their root."""
-            return forward(root, columns.T @ values)
-
-        def of(taken: Floats, z: Floats) -> float:
-            away = z - self.centre
-            return 0.5 * float(r @ r - taken @ taken + away @ self.precision @ away)
+        def of(at: _Seen, taken: Floats) -> float:
+            away = at.z - self.centre
+            return 0.5 * float(at.left @ at.left - taken @ taken + away @ self.precision @ away)
 
         def value(z: Floats) -> float:
+            nonlocal seen
             if not np.isfinite(left := self.left(z)).all():
                 return np.inf  # no motion agrees with it
-            look(z, left)
-            return of(taken_of(r), z)
+            seen = look(z, left)
+            return of(seen, seen.taken(seen.left))
 
         def quadratic(z: Floats) -> Quadratic:
-            nonlocal j, j_taken
-            if not np.array_equal(z, last):  # a point that is kept has been valued before
-                look(z, self.left(z))
-            taken = taken_of(r)
-            b = forward(root, taken, transposed=True)
+            nonlocal kept, j, j_taken
+            # A point that is kept has been valued before.
+            kept = seen if np.array_equal(z, seen.z) else look(z, self.left(z))
+            r, taken = kept.left, kept.taken(kept.left)
+            b = forward(kept.root, taken, transposed=True)
             j = self.white(factor, self.slopes_beside(z, b))
-            j_taken = taken_of(j)
+            j_taken = kept.taken(j)
             pull = self.precision @ (z - self.centre)
             gradient = pull - (j.T @ r - j_taken.T @ taken)
             hessian = j.T @ j - j_taken.T @ j_taken + self.precision
-            return Quadratic(of(taken, z), gradient, hessian)
+            return Quadratic(of(kept, taken), gradient, hessian)
 
         def bend(z: Floats, step: Floats) -> Floats:
             near = self.white(factor, self.left(z + _BEND * step))
-            second = 2.0 / _BEND * ((near - r) / _BEND + j @ step)
-            return np.asarray(j_taken.T @ taken_of(second) - j.T @ second)
+            second = 2.0 / _BEND * ((near - kept.left) / _BEND + j @ step)
+            return np.asarray(j_taken.T @ kept.taken(second) - j.T @ second)
 
         return minimise(
             value, quadratic, start, self.low, self.high, enough, most, self.precision, bend
