@@ -261,3 +261,12 @@ def ratchet(target, building, recovery):
         now += MS * (max(value - now, 0.0) / building - now / recovery)
         out.append(0.5 * (before + now))
     return np.array(out)
+
+
+def row_reading(cells, t_s, cell_s=0.02):
+    """What rows of a trial read of a signal on cells: the cell that is over, and its slope."""
+    over = np.clip(np.floor(t_s / cell_s + 1e-6).astype(int) - 1, 0, cells.size - 1)
+    rise = cells[over] - cells[np.maximum(over - 1, 0)]
+    goes_on = cells[np.minimum(over + 1, cells.size - 1)] - cells[over]
+    slope = np.where(rise * goes_on > 0.0, np.minimum(np.abs(rise), np.abs(goes_on)), 0.0)
+    return cells[over] + np.sign(rise) * slope * (t_s / cell_s - over - 0.5)

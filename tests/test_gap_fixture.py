@@ -64,4 +64,6 @@ def test_what_is_read_errs_by_the_errors_of_known_angles(calibration: Calibratio
     counts = np.linspace(calibration.counts[0] - 60.0, calibration.counts[-1] + 40.0, 300)
     read = calibration.angle_deg(counts)
     expected = read - right.angle_deg(counts)
-    np.testing.assert_allclose(fixture.misread(read) @ error_deg, expected, atol=2e-5)
+    np.testing.assert_allclose(
+        fixture.misread(read) @ (fixture.of_known @ error_deg), expected, atol=2e-5
+    )

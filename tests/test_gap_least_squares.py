@@ -10,6 +10,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from scipy.stats import multivariate_normal, norm
 
 from spa_fo.gap.data.searched import Slot
+from spa_fo.gap.fit import least_squares as least_squares_module
 from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.fit.least_squares import Explained
 from spa_fo.gap.noise.whitening import Factor
@@ -198,3 +199,29 @@ def test_a_search_knows_how_nuisances_go_with_the_parameters(seed: int) -> None:
     held = Misread(1.0, low=-50.0, seed=seed)
     held.moving = np.zeros(0, dtype=np.int64)
     assert np.abs(searched(held) - expected[:3]).max() > 1e-2
+
+
+def test_a_point_that_was_rejected_leaves_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step is bent by what is at the last point that was kept, whatever was tried since."""
+    step = np.array([0.3, -0.2, 0.4])
+
+    def asked(value, quadratic, start, *others):
+        bend = others[-1]
+        before = quadratic(start)
+        first = bend(start, step)
+        value(start + step)
+        np.testing.assert_array_equal(bend(start, step), first)
+        again = quadratic(start)
+        np.testing.assert_array_equal(again.gradient, before.gradient)
+        value(start + step)
+        return quadratic(start + step)
+
+    monkeypatch.setattr(least_squares_module, "minimise", asked)
+    problem = Misread(1.0, low=-50.0)
+    spread = problem.spread(OWN[1:])
+    found = problem.search(np.zeros(3), FACTOR, spread, 1e-9, 80)
+    monkeypatch.undo()
+    alone = problem.search(step, FACTOR, spread, np.inf, 0)
+    # The columns that are held are those about each search's start, so those that move say it all.
+    assert found.value == pytest.approx(alone.at.value)
+    np.testing.assert_allclose(found.gradient, alone.at.gradient)

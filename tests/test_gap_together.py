@@ -15,7 +15,7 @@ import pytest
 
 from spa_fo._jit import njit_parallel
 from spa_fo.errors import BadInput
-from spa_fo.gap.together import each
+from spa_fo.gap.together import each, team
 
 
 @pytest.fixture
@@ -99,6 +99,43 @@ def test_large_results_come_back_whole_after_a_parallel_kernel(two: None) -> Non
     assert doubled(np.arange(4.0))[-1] == 6.0  # OpenMP's threads are up
     for size, found in zip(range(5), each(lambda n: np.full(10**6, n), range(5)), strict=True):
         np.testing.assert_array_equal(found, np.full(10**6, size))
+
+
+def times(shared: int, one: int, other: int) -> int:
+    return shared * one * other
+
+
+def raised(shared: int, item: int) -> int:
+    return shared // item
+
+
+def process(shared: int) -> int:
+    time.sleep(0.05)
+    return os.getpid()
+
+
+def test_a_team_calls_functions_of_what_it_shares() -> None:
+    def all_of_it() -> list[list[int]]:
+        with team(3) as ours:
+            return [ours(times, [(item, 2) for item in range(9)]), ours(times, [])]
+
+    expected = [[6 * item for item in range(9)], []]
+    assert all_of_it() == expected
+    assert beside(all_of_it) == expected
+
+
+def test_a_team_ends_with_an_error() -> None:
+    with pytest.raises(ZeroDivisionError), team(3) as ours:
+        ours(raised, [(1,), (0,)])
+    assert not active_children()
+
+
+@forks
+def test_a_team_is_the_same_processes_all_the_time(two: None) -> None:
+    with team(3) as ours:
+        found = {*ours(process, [()] * 9), *ours(process, [()] * 9)}
+    assert len(found) == 2
+    assert os.getpid() not in found
 
 
 @forks

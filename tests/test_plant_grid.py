@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from naive_plant import row_reading
 from spa_fo.errors import BadInput
 from spa_fo.plant.grid import acting_command, campaign_grid
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -64,6 +65,7 @@ def jittered(rows: int, interval_s: float, seed: int) -> Trial:
     return trial(1, t - t[0], np.cumsum(rng.normal(size=rows)))
 
 
+@settings(deadline=None)
 @given(rows=st.integers(12, 60), interval_s=st.floats(0.1, 0.3), seed=st.integers(0, 99))
 def test_a_row_reads_the_pressure_before_its_own_command_acts(
     rows: int, interval_s: float, seed: int
@@ -77,6 +79,7 @@ def test_a_row_reads_the_pressure_before_its_own_command_acts(
     assert grid.read(grid.command_kpa)[1:] == pytest.approx(expected[1:], abs=1e-9)
 
 
+@settings(deadline=None)
 @given(rows=st.integers(12, 60), interval_s=st.floats(0.02, 0.1), seed=st.integers(0, 99))
 def test_a_smooth_signal_is_read_at_the_time_of_the_row(
     rows: int, interval_s: float, seed: int
@@ -92,6 +95,7 @@ def test_a_smooth_signal_is_read_at_the_time_of_the_row(
     assert grid.read(signal)[inside] == pytest.approx(expected[inside], abs=2e-3)
 
 
+@settings(deadline=None)
 @given(seed=st.integers(0, 99))
 def test_a_reading_is_never_beyond_its_neighbours_by_more_than_their_difference(seed: int) -> None:
     one = jittered(40, 0.1, seed)
@@ -101,3 +105,11 @@ def test_a_reading_is_never_beyond_its_neighbours_by_more_than_their_difference(
     read = grid.read(cells)
     assert np.all(read <= 2.0 * cells.max() - cells.min())
     assert np.all(read >= 2.0 * cells.min() - cells.max())
+
+
+def test_a_reading_is_that_of_whole_arrays() -> None:
+    grid = campaign_grid([jittered(60, 0.013, 1)])
+    assert grid.command_kpa is not None
+    cells = np.random.default_rng(2).normal(size=grid.command_kpa.size)
+    expected = grid.averaged(row_reading(cells, grid.trials[0].t_s))
+    np.testing.assert_allclose(grid.read(cells), expected, rtol=1e-12)

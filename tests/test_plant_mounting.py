@@ -9,6 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from plant_cases import KPA, X, step_release, trials, vector
 from spa_fo.plant.chain import Memory, Mounting, chain_for
 from spa_fo.plant.grid import campaign_grid
+from spa_fo.plant.monotone import monotone_at, monotone_slopes
 
 KNOWN = np.arange(0.0, 91.0, 15.0)
 BIAS = np.array([1.4, 0.5, 0.1, -0.1, -0.3, -1.0, -2.9])
@@ -26,6 +27,22 @@ def test_it_is_the_curve_that_a_calibration_would_draw():
     reading = np.linspace(KNOWN[0] + BIAS[0], KNOWN[-1] + BIAS[-1], 50)
     drawn = PchipInterpolator(KNOWN + BIAS, KNOWN)(reading)
     np.testing.assert_allclose(mounting().logged_deg(reading), drawn, atol=1e-4)
+
+
+@given(st.lists(st.floats(-8.0, 8.0), min_size=2, max_size=7))
+@settings(max_examples=100, deadline=None)
+def test_its_cubic_is_scipys(bias):
+    known, bias = KNOWN[: len(bias)], np.array(bias)
+    read = np.maximum.accumulate(known + bias) + 1e-6 * np.arange(known.size)
+    at = np.linspace(read[0], read[-1], 40)
+    drawn = PchipInterpolator(read, known)
+    slopes = monotone_slopes(read, known)
+    np.testing.assert_allclose(slopes, drawn.derivative()(read), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(monotone_at(read, known, slopes, at), drawn(at), atol=1e-9)
+
+
+def test_what_is_no_number_is_drawn_nowhere():
+    assert np.isnan(mounting().logged_deg(np.array([np.nan]))).all()
 
 
 def test_beyond_its_ends_it_goes_straight_on():

@@ -6,14 +6,12 @@ One memory runs through a whole campaign, and through a later one that continues
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from spa_fo.plant.effects.actuator import move
 from spa_fo.plant.effects.channel_latency import read_earlier, smeared
@@ -26,6 +24,7 @@ from spa_fo.plant.effects.sensor_slip import slipped
 from spa_fo.plant.effects.shared import CREEP_TIMES_S
 from spa_fo.plant.grid import CampaignGrid, rest_levels
 from spa_fo.plant.memory import MODES, STEPS_S, Contour, contour_for, rises
+from spa_fo.plant.monotone import monotone_at, monotone_slopes
 from spa_fo.plant.stages import felt_angle, logged_angle, moving_pressure, true_pressure
 
 Floats = NDArray[np.float64]
@@ -134,21 +133,17 @@ class Mounting:
         The curve goes through what was read at the known angles as a calibration's does: a
         monotone cubic, straight on beyond its ends.
         """
-        return self._curve(reading_deg) if self.is_biased else reading_deg
+        if not self.is_biased:
+            return reading_deg
+        read, slopes = self._curve
+        return np.asarray(monotone_at(read, self.known_deg, slopes, reading_deg))
 
     @cached_property
-    def _curve(self) -> Callable[[Floats], Floats]:
+    def _curve(self) -> tuple[Floats, Floats]:
+        """Readings at the known angles, rising, and the curve's slopes there."""
         read = np.maximum.accumulate(self.known_deg + self.bias_deg)
         read = read + 1e-6 * np.arange(read.size)  # a reading that never falls back
-        inner = PchipInterpolator(read, self.known_deg)
-        low, high = inner.derivative()(read[[0, -1]])
-
-        def curve(reading_deg: Floats) -> Floats:
-            inside = np.clip(reading_deg, read[0], read[-1])
-            beyond = np.where(reading_deg < inside, low, high) * (reading_deg - inside)
-            return np.asarray(inner(inside) + beyond)
-
-        return curve
+        return read, np.asarray(monotone_slopes(read, self.known_deg))
 
     def to_dict(self) -> dict[str, list[float]]:
         """Return lists, ready for JSON."""

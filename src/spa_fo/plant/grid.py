@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.plant.lost_rows import command_times
 from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S
+from spa_fo.plant.row_reading import read_rows
 from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
@@ -140,10 +141,7 @@ class CampaignGrid:
         slopes to either side how far the row is from its middle (van Leer 1977,
         doi:10.1016/0021-9991(77)90095-X).
         """
-        before, over, following, cells_on = self._about_rows
-        rise, goes_on = cells[over] - cells[before], cells[following] - cells[over]
-        slope = np.where(rise * goes_on > 0.0, np.minimum(np.abs(rise), np.abs(goes_on)), 0.0)
-        return self.averaged(cells[over] + np.sign(rise) * slope * cells_on)
+        return np.asarray(read_rows(cells, *self._about_rows, self.row_starts) / self.counts)
 
     @cached_property
     def _about_rows(self) -> tuple[Integers, Integers, Integers, Floats]:

@@ -32,7 +32,8 @@ _NEAR_S = 0.4
 _TOP = 0.99  # quantile
 _SHORTEST = 0.01  # of the usual reach: a campaign of noise alone has some, too
 _ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
-_HATS = make_interp_spline(CURVE_KNOTS_DEG, np.eye(len(CURVE_KNOTS_DEG)), k=1)
+_KNOTS = np.eye(len(CURVE_KNOTS_DEG))
+_HATS = make_interp_spline(CURVE_KNOTS_DEG, np.delete(_KNOTS, _ZERO_KNOT, axis=1), k=1)
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ def _alike(one: Floats, other: Floats) -> bool:
 
 def curve_columns(angle_deg: Floats) -> Floats:
     """Hats of the sensor curve's knots at some angles, (n, knots): none at 0°, lines beyond."""
-    return np.delete(np.asarray(_HATS(angle_deg)), _ZERO_KNOT, axis=1)
+    return np.asarray(_HATS(angle_deg))
 
 
 def _curve_sigma(calibration: Calibration | None) -> Floats:

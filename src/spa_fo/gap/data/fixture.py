@@ -67,11 +67,11 @@ class Fixture:
         return np.asarray(dwells / np.maximum(dwells.sum(axis=1, keepdims=True), 1.0))
 
     def misread(self, angle_deg: Floats) -> Floats:
-        """Give what an error of each dwell's known angle makes of readings, (n, dwells)."""
-        return -self.curve.misread_deg(angle_deg) @ self._first
+        """Give what an error of each known angle makes of readings, (n, known angles)."""
+        return -self.curve.misread_deg(angle_deg)
 
     @cached_property
-    def _first(self) -> Floats:
+    def of_known(self) -> Floats:
         """Weights of the mean over the first calibration's dwells, (known angles, dwells)."""
         return self._mean_at(0, np.unique(self.known_deg[self.log == 0]))
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 from scipy.optimize import brentq, least_squares
 
 from spa_fo.fractional import step_response
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, quicker, searched_spread, to_x, to_z
+from spa_fo.gap.fit.lapack import forward
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.identify import selection
@@ -50,7 +50,7 @@ class KnownResponse:
     def left(self, z: Floats) -> Floats:
         """Give what searched coefficients leave of it, whitened, (k,)."""
         left = self.values - step_response(self.times_s, *to_x(z[:5])) / self.gain
-        return np.asarray(solve_triangular(self.root, left, lower=True))
+        return forward(self.root, left)
 
     def slopes(self, z: Floats) -> Floats:
         """Slopes of the response over the searched coefficients, whitened, (k, 5)."""
@@ -156,7 +156,7 @@ def identified(
     root, inside = np.linalg.cholesky(before.spread), (LOWEST + 1e-2, HIGHEST - 5e-3)
 
     def left(z: Floats) -> Floats:
-        return np.append(known.left(z), solve_triangular(root, z - before.mean, lower=True))
+        return np.append(known.left(z), forward(root, z - before.mean))
 
     found = [
         least_squares(left, np.clip(start, *inside), bounds=(LOWEST, HIGHEST))

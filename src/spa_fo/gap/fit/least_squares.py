@@ -15,11 +15,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, cho_solve, solve_triangular
+from scipy.linalg import block_diag, cho_solve
 from scipy.special import erfcx, log_ndtr
 
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, Slot
 from spa_fo.gap.fit.coefficients import Coefficients
+from spa_fo.gap.fit.lapack import forward
 from spa_fo.gap.fit.minimise import Minimum, Quadratic, free_of, minimise
 from spa_fo.gap.fit.mixed import WEAK, Normal, Prior, Solution, solve
 from spa_fo.gap.noise.whitening import Factor, Whitening
@@ -44,6 +45,20 @@ class Linear:
     left: Floats
     slopes: Floats
     columns: Floats
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A point of a search: what is left there, and the nuisances' columns, whitened."""
+
+    z: Floats
+    left: Floats
+    columns: Floats
+    root: Floats  # of their coefficients' precision, lower
+
+    def taken(self, values: Floats) -> Floats:
+        """Give what the nuisances take of whitened values, in units of their root."""
+        return forward(self.root, self.columns.T @ values)
 
 
 class Explained(ABC):
@@ -96,9 +111,9 @@ class Explained(ABC):
     def columns(self, z: Floats) -> Floats:
         """Columns of the nuisances about a point, (rows, size)."""
 
-    def moved(self, z: Floats) -> Floats:
-        """Those columns of the nuisances that go with a search's point, (rows, moving)."""
-        return self.columns(z)[:, self.moving]
+    def moved(self, factor: Factor, z: Floats) -> Floats:
+        """Whiten those columns of the nuisances that go with a search's point, (rows, moving)."""
+        return self.white(factor, self.columns(z)[:, self.moving])
 
     def slopes_beside(self, z: Floats, b: Floats) -> Floats:
         """Slopes of the prediction and of what nuisances `b` make of it, (rows, parameters)."""
@@ -169,45 +184,46 @@ class Explained(ABC):
         Their columns are those about `start`, but for those of `moving`, which go with the point.
         """
         start = np.clip(start, self.low, self.high)
-        held = self.white(factor, self.columns(start))
-        half = r = j = j_taken = np.zeros(0)  # at the last point that was kept
+        held, precision = self.white(factor, self.columns(start)), np.diag(1.0 / spread)
+        seen = _Seen(np.zeros(0), held, held, held)  # the last point that was looked at
+        kept, j, j_taken = seen, held, held  # the last one that was kept
 
-        def nuisances(z: Floats) -> tuple[Floats, Floats]:
-            """Whitened columns, and the root of their coefficients' precision."""
+        def look(z: Floats, left: Floats) -> _Seen:
             columns = held
             if self.moving.size:
                 columns = held.copy()
-                columns[:, self.moving] = self.white(factor, self.moved(z))
-            root = np.linalg.cholesky(columns.T @ columns + np.diag(1.0 / spread))
-            return columns, np.asarray(root, dtype=np.float64)
+                columns[:, self.moving] = self.moved(factor, z)
+            root = np.asarray(np.linalg.cholesky(columns.T @ columns + precision), np.float64)
+            return _Seen(z, self.white(factor, left), columns, root)
 
-        def of(left: Floats, taken: Floats, z: Floats) -> float:
-            away = z - self.centre
-            return 0.5 * float(left @ left - taken @ taken + away @ self.precision @ away)
+        def of(at: _Seen, taken: Floats) -> float:
+            away = at.z - self.centre
+            return 0.5 * float(at.left @ at.left - taken @ taken + away @ self.precision @ away)
 
         def value(z: Floats) -> float:
+            nonlocal seen
             if not np.isfinite(left := self.left(z)).all():
                 return np.inf  # no motion agrees with it
-            left, (columns, root) = self.white(factor, left), nuisances(z)
-            return of(left, solve_triangular(root, columns.T @ left, lower=True), z)
+            seen = look(z, left)
+            return of(seen, seen.taken(seen.left))
 
         def quadratic(z: Floats) -> Quadratic:
-            nonlocal half, r, j, j_taken
-            r, (columns, root) = self.white(factor, self.left(z)), nuisances(z)
-            half = solve_triangular(root, columns.T, lower=True)
-            taken = half @ r
-            b = solve_triangular(root, taken, lower=True, trans=1)
+            nonlocal kept, j, j_taken
+            # A point that is kept has been valued before.
+            kept = seen if np.array_equal(z, seen.z) else look(z, self.left(z))
+            r, taken = kept.left, kept.taken(kept.left)
+            b = forward(kept.root, taken, transposed=True)
             j = self.white(factor, self.slopes_beside(z, b))
-            j_taken = half @ j
+            j_taken = kept.taken(j)
             pull = self.precision @ (z - self.centre)
             gradient = pull - (j.T @ r - j_taken.T @ taken)
             hessian = j.T @ j - j_taken.T @ j_taken + self.precision
-            return Quadratic(of(r, taken, z), gradient, hessian)
+            return Quadratic(of(kept, taken), gradient, hessian)
 
         def bend(z: Floats, step: Floats) -> Floats:
             near = self.white(factor, self.left(z + _BEND * step))
-            second = 2.0 / _BEND * ((near - r) / _BEND + j @ step)
-            return np.asarray(j_taken.T @ (half @ second) - j.T @ second)
+            second = 2.0 / _BEND * ((near - kept.left) / _BEND + j @ step)
+            return np.asarray(j_taken.T @ kept.taken(second) - j.T @ second)
 
         return minimise(
             value, quadratic, start, self.low, self.high, enough, most, self.precision, bend
@@ -263,7 +279,7 @@ class Explained(ABC):
         square, vector, matrix = float(gram[0, 0]), gram[1:, 0], gram[1:, 1:]
         pull = vector[:p] - matrix[:p, p:] @ b
         gradient = self.precision @ (z - self.centre)
-        gradient -= solve_triangular(self.root, pull, lower=True, trans=1)
+        gradient -= forward(self.root, pull, transposed=True)
         held = ~free_of(z, gradient, self.low, self.high)
         held[: self.free] = False
         use = np.append(~held, np.ones(self.group.size, dtype=bool))
@@ -271,7 +287,7 @@ class Explained(ABC):
         if self.response is not None:
             log_noise += self.response.log_noise
         normal = Normal(matrix[np.ix_(use, use)], vector[use], square, log_noise, left.size)
-        prior = self._prior(solve_triangular(self.root, self.centre - z, lower=True)).of(use)
+        prior = self._prior(forward(self.root, self.centre - z)).of(use)
         solution = solve(normal, prior, variances, rounds)
         moved = np.zeros(p)
         moved[~held] = solution.coefficients[: p - held.sum()]

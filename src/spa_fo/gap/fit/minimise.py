@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+
+from spa_fo.gap.fit.lapack import definite
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -59,7 +60,7 @@ def decrement(at: Quadratic, free: Bools) -> float:
 
 def _solved(matrix: Floats, some: Bools, right: Floats) -> Floats:
     """Solve for some of the parameters."""
-    return np.asarray(cho_solve(cho_factor(matrix[np.ix_(some, some)], lower=True), right))
+    return definite(matrix[np.ix_(some, some)], right)
 
 
 def minimise(

@@ -7,10 +7,12 @@ calibration dwells', the log's lateness, and every trial's own gain, rest angle 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from spa_fo.gap.data.evidence import curve_columns
@@ -18,6 +20,7 @@ from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
 from spa_fo.gap.fit.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.mixed import WEAK
+from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Mounting
 from spa_fo.plant.effects.effect import PASSING
@@ -135,6 +138,8 @@ class AngleProblem(Explained):
         self.variance[self.arrived] = _ARRIVED**2
         if slips:
             self.variance[self.walk] = LIBRARY[slips].parameters[0].at(evidence.reach).spread ** 2
+        of_known = np.zeros((0, 0)) if fixture is None else fixture.of_known
+        self._made_of = block_diag(np.eye(self.curve.size), of_known)
         self._still = self._of_calibrations()
 
     def columns(self, z: Floats) -> Floats:
@@ -143,7 +148,8 @@ class AngleProblem(Explained):
         n, (y, _), slopes = rows.size, self.predict(z), self.slopes(z)
         gain, scale = slopes[:n, LN_GAIN], slopes[:n, : self.free] @ quicker(z)
         out = self._still.copy()
-        out[:, self.moving] = self.moved(z)
+        out[:n, self.read] = self._of_reading(rows.merged(y)) @ self._made_of
+        out[n:, self.moving] = self._of_moving(z)
         out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
         every, trial = np.arange(n), self.trial
         own = self.own[np.searchsorted(self.trials, trial)].T
@@ -175,21 +181,29 @@ class AngleProblem(Explained):
                 self._of_drift(out[end : end + evidence.drift_deg.size])
         return out
 
-    def moved(self, z: Floats) -> Floats:
-        """Columns of a wrong curve, of wrong known angles, and of how the fixture came to stand."""
-        (y, fixture), n = self.predict(z), self.rows.size
-        out = self._still[:, self.moving]
-        out[:n, : self.read.size] = self._of_reading(self.rows.merged(y))
+    def _of_moving(self, z: Floats) -> Floats:
+        """Give the columns that go with the point at the rows of the calibrations."""
+        out = self._still[self.rows.size :, self.moving]
         if self.arrived.size:
-            settled = self.effects(z)
+            settled, fixture = self.effects(z), self.predict(z)[1]
             settled[self._passing] = np.nan
-            out[n : n + fixture.size, -1] = fixture - self.in_fixture(settled)[0]
+            out[: fixture.size, -1] = fixture - self.in_fixture(settled)[0]
         return out
+
+    def moved(self, factor: Factor, z: Floats) -> Floats:
+        """Whiten what goes with the point: a wrong curve, wrong known angles, how dwells began."""
+        read = self._of_reading(self.rows.merged(self.predict(z)[0]))
+        # A known angle's dwells have one column between them.
+        own = self.whitening.white(factor, read) @ self._made_of
+        none = np.zeros((own.shape[0], self.arrived.size))
+        rest = self._of_moving(z) / self.sigma[:, None]
+        return np.concatenate([np.hstack([own, none]), rest])
 
     def slopes_beside(self, z: Floats, b: Floats) -> Floats:
         """Slopes of the prediction and of what a wrong curve and wrong known angles make of it."""
         y, slopes, n = self.rows.merged(self.predict(z)[0]), self.slopes(z).copy(), self.rows.size
-        ends = [self._of_reading(y + side * _KINK_DEG) @ b[self.read] for side in (0.5, -0.5)]
+        known = self._made_of @ b[self.read]
+        ends = [self._of_reading(y + side * _KINK_DEG) @ known for side in (0.5, -0.5)]
         slopes[:n] *= 1.0 + (ends[0] - ends[1])[:, None] / _KINK_DEG
         if self.arrived.size:
             places = [slot.place in self._passing for slot in self.slots]
@@ -198,7 +212,7 @@ class AngleProblem(Explained):
         return slopes
 
     def _of_reading(self, angle_deg: Floats) -> Floats:
-        """Give what errors of the curve and of known angles make of readings, (n, moving)."""
+        """Give what errors of the curve and of each known angle make of readings, (n, k)."""
         fixture, curve = self.evidence.fixture, curve_columns(angle_deg)
         return curve if fixture is None else np.hstack([curve, fixture.misread(angle_deg)])
 
@@ -266,6 +280,7 @@ class AngleProblem(Explained):
         return np.concatenate([angle, *parts])
 
 
+@cache
 def most(repeats: int) -> float:
     """Bound a scatter, in units of its estimate from so many differences of repeats."""
     if repeats < 1:

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, helmert, solve_triangular
+from scipy.linalg import block_diag, helmert
 from scipy.special import logsumexp
 
 from spa_fo.gap.fit.bench import GAIN, TIME_SCALE
+from spa_fo.gap.fit.lapack import forward
 from spa_fo.gap.fit.mixed import Solution
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.settings import SETTINGS
@@ -120,7 +121,7 @@ def _of_scatter(
     logs = []
     for variance in variances:
         root = np.linalg.cholesky(np.diag(1.0 / sharp + variance) + moved @ moved.T)
-        left = solve_triangular(root, seen, lower=True)
+        left = forward(root, seen)
         # Against noise alone, whose size is alike for all explanations.
         size = np.sum(np.log(np.diag(root))) + 0.5 * np.sum(np.log(sharp))
         logs.append(-0.5 * float(left @ left) - float(size))

@@ -113,10 +113,10 @@ class Spectrum:
 
 
 def whitener(covariance: Floats) -> Floats:
-    """Lower-triangular W with W R Wᵀ = 1, for a covariance R, (n, n)."""
+    """Lower-triangular W with W R Wᵀ = 1, for a covariance R, (n, n); its rows are contiguous."""
     lower = np.linalg.cholesky(covariance)
     eye = np.eye(lower.shape[0])
-    return np.asarray(solve_triangular(lower, eye, lower=True, check_finite=False))
+    return np.ascontiguousarray(solve_triangular(lower, eye, lower=True, check_finite=False))
 
 
 @dataclass(frozen=True)

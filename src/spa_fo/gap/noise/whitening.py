@@ -19,12 +19,14 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import blas
 
 from spa_fo.gap.noise.coloured import CORRELATION_S, Averages, Spectrum, whitener
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_MANY = 20  # columns, among which those that are 0 are worth looking for
 MISSED_OVER_S = np.array([0.3, 1.5, 8.0])
 """Correlation times of what a form misses, s, alike in weight; assumed."""
 
@@ -108,6 +110,14 @@ def _mean_decay(apart_s: Floats, times_s: Iterable[float]) -> Floats:
     return np.asarray(np.mean([np.exp(-apart_s / tau) for tau in times_s], axis=0))
 
 
+def _triangular(whitener: Floats, rows: Floats) -> Floats:
+    """Whiten vectors, (k, n), to columns: a third faster than a product that reads the zeros.
+
+    The whitener's rows are contiguous; else each call would copy it.
+    """
+    return np.asarray(blas.dtrmm(1.0, whitener.T, rows, side=1)).T
+
+
 @dataclass
 class Whitening:
     """Covariances of the rows for levels of the noise and shares that a form misses."""
@@ -146,9 +156,16 @@ class Whitening:
 
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten values at the rows, (rows,) or (rows, k)."""
-        out = np.empty_like(values)
+        out = np.zeros_like(values)
         for group, own in zip(self.rows.groups, factor.whiteners, strict=True):
-            out[group.rows] = own @ values[group.rows]
+            some = values[group.rows]
+            if some.ndim == 1:
+                out[group.rows] = blas.dtrmv(own.T, some, trans=1)
+            elif some.shape[1] < _MANY:
+                out[group.rows] = _triangular(own, some.T)
+            else:  # most are a trial's own, and 0 here: two thirds of the time with them
+                here = np.flatnonzero(some.any(axis=0))
+                out[group.rows, here] = _triangular(own, some.T[here])
         return out
 
     def variance_of(self, weights: Floats) -> float:

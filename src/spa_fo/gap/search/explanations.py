@@ -14,9 +14,9 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
+from spa_fo.gap.fit.lapack import forward
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
@@ -33,7 +33,7 @@ from spa_fo.gap.search.fitted import (
     without_others,
 )
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.gap.together import each
+from spa_fo.gap.together import Team, each, team
 from spa_fo.plant.effects.library import LIBRARY, at_port, beside, log_odds, ordered
 
 Floats = NDArray[np.float64]
@@ -103,10 +103,9 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
     matrix = own.T @ own
     matrix[np.diag_indices_from(matrix)] += precision
     root = np.linalg.cholesky(matrix)
-    half = solve_triangular(root, own.T, lower=True)
-    away = solve_triangular(problem.root, problem.centre - base.z, lower=True)
+    away = forward(problem.root, problem.centre - base.z)
     pull = np.append(np.zeros(precision.size - away.size), away)
-    taken = half @ left + solve_triangular(root, pull, lower=True)
+    taken = forward(root, own.T @ left + pull)
     (y, fixed), drifted = problem.predict(base.z), problem.drifted(base.z)
     shown = []
     for name in names:
@@ -126,7 +125,7 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
             rows, drift = problem.rows.merged(there - y), one.drifted(z) - drifted
             change = problem.stacked(rows, fixed_there - fixed, drift)
             column = problem.white(factor, change)
-            shadow = half @ column
+            shadow = forward(root, own.T @ column)
             seen = float(column @ column - shadow @ shadow) + 1.0
             score = float(column @ left - shadow @ taken)
             size = float(np.clip(score / seen, -_FARTHEST if signed else 0.0, _FARTHEST))
@@ -171,14 +170,15 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     alone += [((n,), _points(shown, n)) for n in _first(shown, _SINGLES)]
     if again is not None and not bench.own:
         alone.append(((again,), [plain.z]))
-    fits = {(): plain} | _fits(bench, alone, plain, plain, least=_HOSTS)
-    allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
-    hosts = sorted(allowed, key=lambda f: -_worth(f))[:_HOSTS]
-    pairs = _beside(bench, hosts, chained, linear, plain)
-    fits |= pairs
-    top = max(pairs.values(), key=_worth, default=plain)
-    if hosts and SETTINGS.temper * (_worth(top) - _worth(hosts[0])) > further_price():
-        fits |= _three(bench, top, chained, linear, fits, plain)
+    with team(bench) as ours:
+        fits = {(): plain} | _fits(ours, alone, plain, plain, least=_HOSTS)
+        allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
+        hosts = sorted(allowed, key=lambda f: -_worth(f))[:_HOSTS]
+        pairs = _beside(ours, hosts, chained, linear, plain)
+        fits |= pairs
+        top = max(pairs.values(), key=_worth, default=plain)
+        if hosts and SETTINGS.temper * (_worth(top) - _worth(hosts[0])) > further_price():
+            fits |= _three(ours, top, chained, linear, fits, plain)
     bench, fits, line = _with_line(bench, fits, excluded)
     best = max(f.quick for f in fits.values())
     near = [f for f in fits.values() if f.quick > best - WORTH_WEIGHING or not f.ids]
@@ -189,7 +189,7 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
 
 
 def _beside(
-    bench: Bench,
+    ours: Team,
     hosts: Sequence[Fitted],
     chained: Sequence[str],
     linear: Sequence[str],
@@ -197,7 +197,7 @@ def _beside(
 ) -> dict[Ids, Fitted]:
     """Fit one effect more beside each host: those that a score test shows, and the linear ones."""
     more: dict[Ids, list[Floats]] = {}
-    shown = each(lambda host: screen(bench, host, beside(host.ids, chained)), hosts)
+    shown = ours(screen, [(host, beside(host.ids, chained)) for host in hosts])
     for host, seen in zip(hosts, shown, strict=True):
         for name in _first(seen, _BESIDE):
             more.setdefault(ordered((*host.ids, name)), _points(seen, name)[:1])
@@ -205,11 +205,11 @@ def _beside(
             if name not in host.ids:
                 more.setdefault(ordered((*host.ids, name)), [host.z])
     best = max(hosts, key=lambda f: f.quick, default=plain)
-    return _fits(bench, list(more.items()), plain, best)
+    return _fits(ours, list(more.items()), plain, best)
 
 
 def _fits(
-    bench: Bench,
+    ours: Team,
     wanted: Sequence[tuple[Ids, list[Floats]]],
     plain: Fitted,
     best: Fitted,
@@ -219,8 +219,8 @@ def _fits(
 
     Parameters
     ----------
-    bench : Bench
-        The campaign.
+    ours : Team
+        Of the campaign's bench.
     wanted : sequence of (ids, points)
         Explanations, and where to begin.
     plain : Fitted
@@ -230,7 +230,7 @@ def _fits(
     least : int
         How many of the best are fitted to their end in any case, besides a shift of the parameters.
     """
-    rough = each(lambda a: begun(bench, a[0], a[1], plain), wanted)
+    rough = ours(begun, [(ids, points, plain) for ids, points in wanted])
     ranked = sorted(rough, key=lambda f: -f.quick)
     highest = max([best.quick, *(f.quick for f in ranked)])
     again = at_port("coefficients")
@@ -241,12 +241,12 @@ def _fits(
         or f.ids == (again,)
         or f.quick + HOPE * f.decrement > highest - WORTH_WEIGHING
     ]
-    ended = each(lambda f: settled(bench, f, plain), worth)
+    ended = ours(settled, [(f, plain) for f in worth])
     return {f.ids: f for f in rough} | {f.ids: f for f in ended}
 
 
 def _three(
-    bench: Bench,
+    ours: Team,
     pair: Fitted,
     chained: Sequence[str],
     linear: Sequence[str],
@@ -254,12 +254,12 @@ def _three(
     plain: Fitted,
 ) -> dict[Ids, Fitted]:
     """Fit a third effect beside a pair, and the other pairs of what does best."""
-    found = _beside(bench, [pair], chained, linear, plain)
+    found = _beside(ours, [pair], chained, linear, plain)
     best = max(found.values(), key=_worth, default=pair)
     if SETTINGS.temper * (_worth(best) - _worth(pair)) > further_price():
         fewer = [tuple(n for n in best.ids if n != name) for name in best.ids]
         missing = [ids for ids in fewer if ids not in fits]
-        again = each(lambda ids: fit(bench, ids, [without_others(best, ids)], plain), missing)
+        again = ours(fit, [(ids, [without_others(best, ids)], plain) for ids in missing])
         found |= {f.ids: f for f in again}
     return found
 

@@ -100,6 +100,7 @@ def move(
     looped = stiff or heavy or stopped or mullins or rubbing
 
     width = math.radians(e[MULLINS_SOFTENING + 4]) / MULLINS_LEVELS if mullins else 0.0
+    below = np.append(0.0, np.cumsum(virgin))
     radii = np.ones(STOPS)
     if rubbing:
         radii = stop_radii(math.radians(e[HYSTERESIS + 1]), e[HYSTERESIS + 2])
@@ -109,7 +110,7 @@ def move(
         creep_size = creep_sizes(e[CREEP], e[CREEP + 1], e[CREEP + 2])
 
     out = np.empty(load.size)
-    angle, known, lost = stops[STOPS], 0.0, 0.0
+    angle, known, lost, before = stops[STOPS], 0.0, 0.0, 0.0
     for i in range(load.size):
         k = level[i]
         u, rising = load[i], rise[i]
@@ -121,7 +122,7 @@ def move(
         v, going = u, rising
         if looped:
             # As much is lost as in the step before, to begin with.
-            new = free + direct[k] * (u - lost) + leaning[k] * rising
+            new = free + direct[k] * (u - lost - (lost - before)) + leaning[k] * rising
             missed = 0.5 * (known + usual[i])
             follows = 1.0 if leaning[k] > 0.0 else 0.0  # one that swings within a step does not
             for _ in range(_NEWTON):
@@ -144,7 +145,9 @@ def move(
                     moment += part
                     slope += tangent
                 if mullins:
-                    part, tangent = virgin_moment(middle, virgin, width, e[MULLINS_SOFTENING + 3])
+                    part, tangent = virgin_moment(
+                        middle, virgin, below, width, e[MULLINS_SOFTENING + 3]
+                    )
                     moment += e[MULLINS_SOFTENING] * part
                     slope += e[MULLINS_SOFTENING] * tangent
                 if rubbing:
@@ -161,7 +164,7 @@ def move(
                 if abs(change) < _SETTLED:
                     break
             v = (new - free - leaning[k] * going) / direct[k]
-            lost = u - v
+            before, lost = lost, u - v
         push(linear, k, v, going)
         new = free + direct[k] * v + leaning[k] * going
         if rubbing:
@@ -172,6 +175,7 @@ def move(
                 new + usual[i],
                 STEPS_S[k],
                 virgin,
+                below,
                 width,
                 e[MULLINS_SOFTENING + 1],
                 e[MULLINS_SOFTENING + 2],

@@ -64,22 +64,22 @@ MULLINS_LEVELS = 9
 
 
 @njit
-def virgin_moment(angle: float, virgin: Floats, width: float, share: float) -> tuple[float, float]:
+def virgin_moment(
+    angle: float, virgin: Floats, below: Floats, width: float, share: float
+) -> tuple[float, float]:
     """Moment of what has not been softened yet, and its slope.
 
     Chains of the levels that the angle has passed pull (`share` of it), and the whole bundle
-    stiffens the actuator as a whole (the rest). Levels are `width` (rad) apart.
+    stiffens the actuator as a whole (the rest). Levels are `width` (rad) apart, `below` are the
+    sums of those below each and of all.
     """
-    whole = 0.0
-    local = 0.0
-    tangent = 0.0
-    for j in range(virgin.size):
-        whole += virgin[j]
-        part = min(max(angle - j * width, 0.0), width)
-        local += virgin[j] * part
-        if 0.0 < part < width:
-            tangent += virgin[j]
-    whole /= virgin.size
+    level = 0
+    while level < virgin.size - 1 and angle > (level + 1) * width:
+        level += 1
+    part = min(max(angle - level * width, 0.0), width)
+    local = width * below[level] + virgin[level] * part
+    tangent = virgin[level] if 0.0 < part < width else 0.0
+    whole = below[virgin.size] / virgin.size
     return share * local + (1.0 - share) * whole * angle, share * tangent + (1.0 - share) * whole
 
 
@@ -89,13 +89,19 @@ def soften(
     after: float,
     step: float,
     virgin: Floats,
+    below: Floats,
     width: float,
     loadings: float,
     dwell: float,
 ) -> None:
     """Soften each level as far as it is passed upwards, and while the angle stays beyond it."""
+    here, there = after / width, before / width
+    passed = math.exp(-step / dwell)  # of levels that it stays beyond: one exponential for all
     for j in range(virgin.size):
-        beyond = min(max(after / width - j, 0.0), 1.0)
-        if beyond > 0.0:
-            newly = max(beyond - min(max(before / width - j, 0.0), 1.0), 0.0)
+        beyond = min(max(here - j, 0.0), 1.0)
+        if beyond == 1.0 and there - j >= 1.0:
+            virgin[j] *= passed
+        elif beyond > 0.0:
+            newly = max(beyond - min(max(there - j, 0.0), 1.0), 0.0)
             virgin[j] *= math.exp(-beyond * step / dwell - newly / loadings)
+        below[j + 1] = below[j] + virgin[j]

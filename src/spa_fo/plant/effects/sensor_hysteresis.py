@@ -61,6 +61,9 @@ def lag_behind(y: Floats, width: float, turn: float, exponent: float, film: Floa
     for i in range(y.size):
         moved = y[i] - before
         before = y[i]
+        if moved == 0.0:  # most of a fixture's steps: two powers would leave it where it is
+            y[i] -= 0.5 * width * state
+            continue
         target = 1.0 if moved > 0.0 else -1.0
         left = 0.5 * abs(target - state)
         if abs(1.0 - exponent) < 1e-3:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Check, Effect
@@ -34,10 +34,10 @@ def follow(y: Floats, level: Integers, time_constant: float, state: Floats) -> N
         return
     now = state[0]
     before = now if y.size == 0 else y[0]
+    x = STEPS_S / time_constant
+    keeps, means = np.exp(-x), -np.expm1(-x) / x
     for i in range(y.size):
-        x = STEPS_S[level[i]] / time_constant
-        keep = math.exp(-x)
-        mean = -math.expm1(-x) / x
+        keep, mean = keeps[level[i]], means[level[i]]
         now = keep * now + (1.0 - mean) * y[i] + (mean - keep) * before
         before = y[i]
         y[i] = now
