@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
 from spa_fo.plant.lost_rows import command_times
-from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S
-from spa_fo.plant.row_reading import read_rows
+from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S, read_rows
 from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,12 +55,8 @@ def monotone_at(x: Floats, y: Floats, slopes: Floats, at: Floats) -> Floats:
         while j < last - 1 and where >= x[j + 1]:
             j += 1
         width = x[j + 1] - x[j]
-        s = (where - x[j]) / width
-        line = y[j] + s * (y[j + 1] - y[j])
-        rise = y[j + 1] - y[j]
+        s, rise = (where - x[j]) / width, y[j + 1] - y[j]
         bent = (1.0 - s) * (width * slopes[j] - rise) - s * (width * slopes[j + 1] - rise)
         end = slopes[0] if at[i] < where else slopes[last]
-        out[i] = line + s * (1.0 - s) * bent + end * (at[i] - where)
-        if math.isnan(at[i]):
-            out[i] = math.nan
+        out[i] = y[j] + s * rise + s * (1.0 - s) * bent + end * (at[i] - where)
     return out
