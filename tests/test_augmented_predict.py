@@ -67,7 +67,7 @@ def test_effects_stand_together_in_any_order() -> None:
     for name in ("leak", "creep", "sensor_lag"):
         slots = LIBRARY[name].slots
         np.testing.assert_array_equal(found[slots], vector(name)[slots])
-    assert np.count_nonzero(~np.isnan(found)) == 7
+    assert np.count_nonzero(~np.isnan(found)) == 8
 
 
 def changed(name: str, change: Mapping[str, Any]) -> dict[str, Any]:

@@ -116,9 +116,10 @@ def examine_drive(
         return _fit(own, starts(own, np.zeros(0), _DELAYS_S), room)
 
     def together(ids: Ids) -> DriveFit:
-        singles = [fits[(name,)].z for name in ids]
-        lag = np.mean([z[-1:] for z in singles], axis=0)
-        return _fit(problem(ids), [np.concatenate([*(z[:-1] for z in singles), lag])], room)
+        singles = {(name,): fits[(name,)] for name in ids}
+        lag = _best(singles).z[-1:]  # of the one that explains most
+        z = np.concatenate([*(fit.z[:-1] for fit in singles.values()), lag])
+        return _fit(problem(ids), [z], room)
 
     cells = np.arange(int(evidence.grid.cell_starts[-1]))
     room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa + _BLUR * blur(evidence, cells)
