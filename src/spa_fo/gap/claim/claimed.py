@@ -123,12 +123,18 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
     made = None
     if first:
         scatter = judging[first].scatter(verdict.of(first).left_deg)
-        if not found.bench.noise.spectrum.repeats:
-            scatter = max(scatter, floor_deg)  # nothing tells what is left from noise
-        if scatter > errors[()]:
-            scatter = floor_deg  # what the plain model misses holds it, too
+        repeated = found.bench.noise.spectrum.repeats > 0
+        scatter = _believed(scatter, errors[()], floor_deg, repeated)
         made = shrink(everything, held, curves, scatter, rng)
     return Claim(curves, errors, closed, made, expected, by_chance, by_refit)
+
+
+def _believed(scatter_deg: float, plain_deg: float, floor_deg: float, repeated: bool) -> float:
+    """Hold what judging trials scatter by against what the plain model misses of them, deg."""
+    if not repeated:
+        scatter_deg = max(scatter_deg, floor_deg)  # nothing tells what is left from noise
+    # What the plain model misses holds the scatter, too.
+    return floor_deg if scatter_deg > plain_deg else scatter_deg
 
 
 def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
