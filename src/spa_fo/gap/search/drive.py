@@ -116,7 +116,7 @@ def examine_drive(
         return _fit(own, starts(own, np.zeros(0), _DELAYS_S), room)
 
     def together(ids: Ids) -> DriveFit:
-        singles = {(name,): fits[(name,)] for name in ids}
+        singles: dict[Ids, DriveFit] = {(name,): fits[(name,)] for name in ids}
         lag = _best(singles).z[-1:]  # of the one that explains most
         z = np.concatenate([*(fit.z[:-1] for fit in singles.values()), lag])
         return _fit(problem(ids), [z], room)
