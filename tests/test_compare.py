@@ -11,15 +11,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import campaigns
 from blind.first_rig import write_case
 from blind_documents import document, read
 from spa_fo.api import Campaign, Comparison
 from spa_fo.cli import main
+from spa_fo.compare import compare
 from spa_fo.compare.compare import _moved_before, _zeroed
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, inputs, kernel, learn, telling
 from spa_fo.config import match_materials
 from spa_fo.errors import BadInput
+from spa_fo.identify import fit_campaign
 from spa_fo.plant import read_model
+from spa_fo.report.change import answer
+from spa_fo.rig import read_campaign, read_trials
 from spa_fo.rig.trials import before_first_change
 
 RICH = {"name": "rich", "repeats": 2}
@@ -162,6 +167,18 @@ def test_nothing_changed_where_nothing_did(tmp_path: Path) -> None:
     assert set(document["where"]["stage"].values()) == {0.0}
     assert comparison.model.effects == ()
     assert "Nothing changed" in comparison.headline()[0]
+
+
+def test_where_the_reference_never_was_nothing_is_compared(tmp_path: Path) -> None:
+    campaigns.step_campaign(tmp_path / "steps", trials=2)
+    data = read_trials(read_campaign(tmp_path / "steps"))
+    model = fit_campaign(data, bootstrap=None).model
+    trials = [replace(t, command_kpa=t.command_kpa + 200.0) for t in data.trials]
+    found = compare(data, replace(data, trials=tuple(trials)), model)
+    assert found.unvisited > 0.95
+    assert (found.kind, found.change.sets, found.change.where.stage) == ("unknown", (), None)
+    assert "the reference was hardly ever where" in str(found.change.where.not_known)
+    assert "cannot be said" in answer(found)[0]
 
 
 def test_a_campaign_is_as_it_is(blocked: tuple[Path, Path]) -> None:

@@ -22,7 +22,7 @@ from spa_fo.gap.data.evidence import largest_deg
 from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
-from spa_fo.gap.noise.bench_noise import TYPICAL, Beyond
+from spa_fo.gap.noise.bench_noise import NOWHERE, TYPICAL, Beyond
 from spa_fo.gap.noise.coloured import Scatter, Spectrum, estimate, misfit, scatter
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
@@ -91,6 +91,11 @@ class Comparison:
     def compared(self) -> Literal["angle", "pressure"]:
         """What was compared."""
         return "angle" if self.angle_law is not None else "pressure"
+
+    @property
+    def says_nothing(self) -> bool:
+        """Whether the angle was hardly ever compared, as the reference was elsewhere."""
+        return self.compared == "angle" and self.unvisited > NOWHERE
 
     @property
     def common_rms(self) -> float:

@@ -122,6 +122,9 @@ def answer(comparison: Comparison) -> tuple[str, str]:
         if comparison.compared == "pressure":
             return f"Nothing changed in the drive ({none}); no angle was logged.", sizes
         return f"Nothing changed ({none}).", sizes
+    if comparison.says_nothing:
+        text = "Whether something changed cannot be said: the reference was hardly ever where this"
+        return f"{text} campaign was.", sizes
     if comparison.kind == "cause":
         means = "; ".join(LIBRARY[each].means for each in found.sets[0])
         return f"What changed: {sets[0]}: {means}.", sizes
