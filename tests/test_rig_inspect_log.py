@@ -356,6 +356,14 @@ def test_the_plot_shows_what_the_log_holds(tmp_path: Path) -> None:
     assert len(np.asarray(axes["steps"].lines[1].get_ydata())) == 1
 
 
+def test_a_damaged_first_row_is_no_row_of_units(tmp_path: Path) -> None:
+    s = signals()
+    path = write(tmp_path / "log.csv", list(s.values())[:4], head="t,cmd,p,angle\nx,x,,1.956\n")
+    found = round_trip(path, tmp_path)
+    places = {role: guess.place for role, guess in found.guesses.items()}
+    assert places == {"time": 0, "command": 1, "pressure": 2, "angle": 3}
+
+
 NAMES = {
     "t": ["t", "time_s", "Time", "Timestamp"],
     "command": ["cmd", "Setpoint", "pd", "target"],

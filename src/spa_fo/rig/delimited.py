@@ -256,6 +256,8 @@ def _names(
         return 0, (), (), ()
     fits = [(line, row) for line, row in named if _names_all(row, width, length)]
     fitting = [(line, row) for line, row in fits if not _is_comment(row)] or fits
+    # A row of numbers that lost all but one is no row of names.
+    fitting = [(line, row) for line, row in fitting if not any(map(_like_a_number, row))] or fitting
     if not fitting:
         line, row = named[-1]
         if _is_comment(row):
