@@ -376,6 +376,22 @@ def test_where_the_stage_is_not_known_every_page_says_so_and_why() -> None:
     assert one.to_dict()["where"]["stage"] is None
 
 
+def test_where_the_stage_is_assumed_every_page_says_so_and_why() -> None:
+    where = replace(diagnosis().where, assumed="assumed: no <calibration> was logged")
+    one = diagnosis(kind="unknown", sets=(), shrink=None, where=where)
+    arises = "83 % of that gap arises in the actuator (pressure to angle)"
+    assert f"{arises} (assumed: no <calibration> was logged). The cause" in verdict(one)
+    table = rows(sections(document(one))["Where"])
+    shares = "actuator 83 %, drive 10 %, sensor 7 %"
+    assert table["stage"] == [f"{shares} (assumed: no <calibration> was logged)"]
+    said = '<p class="note">assumed: no &lt;calibration&gt; was logged</p></div>\n<div><h3>by '
+    page = interactive_page(one)
+    assert said in page
+    assert page.count("&lt;calibration&gt;") == 1
+    assert one.to_dict()["where"]["assumed"] == "assumed: no <calibration> was logged"
+    assert diagnosis().to_dict()["where"]["assumed"] is None
+
+
 def test_the_page_says_which_trials_the_errors_are_of_where_nothing_is_explained() -> None:
     page = document(diagnosis(kind="unknown", sets=(), shrink=None, held_out_on="the last 4 of 14"))
     assert "Held out: the last 4 of 14." in page.split("## Which cause")[1].split("##")[0]

@@ -207,7 +207,7 @@ def compare(
         beyond=beyond,
     )
     if beyond.says_nothing:
-        where = replace(change.where, stage=None, not_known=_NOT_COMPARED)
+        where = replace(change.where, stage=None, not_known=_NOT_COMPARED, assumed=None)
         change = replace(change, where=where)
     model = replace(change.model, extra={**plain.extra, **change.model.extra})
     return Comparison(

@@ -147,7 +147,7 @@ def diagnose(
     causes = causes_of(examined, verdict, claimed)
     progress("looking for the experiment that would decide")
     steps = next_steps(verdict.kind, verdict.sets, causes, everything, floor)
-    stage, not_known = stages(examined, verdict, curves["plain"])
+    arises = stages(examined, verdict, curves["plain"])
     located = shares(everything, measured - curves["plain"], curves["plain"])
     return Diagnosis(
         campaign=data.campaign.name,
@@ -162,7 +162,7 @@ def diagnose(
             p_value=p_value(verdict),
             repeats=repeated,
         ),
-        where=Where(stage=stage, not_known=not_known, **located),
+        where=Where(arises.stage, not_known=arises.not_known, assumed=arises.assumed, **located),
         causes=causes,
         kind=verdict.kind,
         sets=verdict.sets,

@@ -44,6 +44,7 @@ class Where:
     trial: Mapping[str, float]
     frequency: Mapping[str, float]
     not_known: str | None = None  # why there is no `stage`
+    assumed: str | None = None  # what `stage` takes for granted
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from spa_fo.report.sections import (
     parameter_tables,
     shrink_words,
 )
-from spa_fo.report.share_maps import not_known, share_maps
+from spa_fo.report.share_maps import share_maps, stage_note
 from spa_fo.report.verdict_words import judged
 
 _HERE = Path(__file__).parent
@@ -167,16 +167,17 @@ def _ladder(diagnosis: Diagnosis) -> str:
 
 def _where(diagnosis: Diagnosis) -> Iterator[str]:
     """Draw the shares of the gap, a map each."""
-    stage = not_known(diagnosis.where)
-    if stage:
-        said = f'<p class="note">{html.escape(stage)}</p>'
+    note = stage_note(diagnosis.where)
+    said = f'<p class="note">{html.escape(note)}</p>' if note else ""
+    if said and diagnosis.where.stage is None:
         yield f"<div><h3>by {MAP_WORDS['stage']}</h3>{said}</div>\n"
     for name, shares in share_maps(diagnosis.where).items():
         bars = {
             STAGE_WORDS.get(bin_name, bin_words(bin_name)): ("plain", share, percent(share))
             for bin_name, share in sorted(shares.items(), key=lambda item: -item[1])
         }
-        yield f"<div><h3>by {MAP_WORDS[name]}</h3>{_bars(bars)}</div>\n"
+        beside = said if name == "stage" else ""
+        yield f"<div><h3>by {MAP_WORDS[name]}</h3>{_bars(bars)}{beside}</div>\n"
 
 
 def _bars(rows: Mapping[str, tuple[str, float, str]]) -> str:

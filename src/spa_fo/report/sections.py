@@ -15,7 +15,7 @@ from spa_fo.report.causes import (
 )
 from spa_fo.report.effect_words import MAP_WORDS, bin_words, joined, phrase, words_of
 from spa_fo.report.glossary import HEAD, entries, listed
-from spa_fo.report.share_maps import not_known, share_maps
+from spa_fo.report.share_maps import share_maps, stage_note
 from spa_fo.report.verdict_words import judged
 
 _BASELINE_WORDS = {"smallest_bic": "smallest BIC", "commonest": "commonest effect"}
@@ -158,13 +158,13 @@ def shrink_words(diagnosis: Diagnosis) -> str:
 
 def where_part(diagnosis: Diagnosis) -> Iterator[str]:
     """Tabulate where the gap lies, the largest shares first."""
-    rows = [
-        (MAP_WORDS[name], _largest(shares)) for name, shares in share_maps(diagnosis.where).items()
-    ]
-    stage = not_known(diagnosis.where)
-    if stage:
-        rows = [(MAP_WORDS["stage"], stage), *rows]
-    if rows:
+    cells = {name: _largest(shares) for name, shares in share_maps(diagnosis.where).items()}
+    note = stage_note(diagnosis.where)
+    if note:
+        said = f"{cells['stage']} ({note})" if "stage" in cells else note
+        cells = {"stage": said} | {name: cell for name, cell in cells.items() if name != "stage"}
+    if cells:
+        rows = [(MAP_WORDS[name], cell) for name, cell in cells.items()]
         yield _table(("by", "share of the gap"), rows, ":--|:--")
 
 

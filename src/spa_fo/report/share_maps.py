@@ -14,8 +14,8 @@ def share_maps(where: Where) -> dict[str, Mapping[str, float]]:
     return {name: shares for name, shares in maps.items() if shares and any(shares.values())}
 
 
-def not_known(where: Where) -> str | None:
-    """Say that the stage is not known, and why; None where it is known."""
+def stage_note(where: Where) -> str | None:
+    """Say why the stage is not known, or what is assumed of it; None where it is known."""
     if where.stage is not None:
-        return None
+        return where.assumed
     return f"not known: {where.not_known}" if where.not_known else "not known"

@@ -45,7 +45,8 @@ def _mostly(diagnosis: Diagnosis) -> str:
     if not any(shares.values()):
         return ""
     stage = max(shares, key=lambda name: shares[name])
-    return f", and {percent(shares[stage])} of that gap arises in {STAGE_WORDS[stage]}"
+    assumed = f" ({diagnosis.where.assumed})" if diagnosis.where.assumed else ""
+    return f", and {percent(shares[stage])} of that gap arises in {STAGE_WORDS[stage]}{assumed}"
 
 
 def _one_cause(diagnosis: Diagnosis) -> str:

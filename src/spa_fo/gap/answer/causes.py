@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,19 @@ _DRIVEN_BY_PRESSURE = (
     "the measured pressure drives the model and no calibration was logged: what is not explained "
     "may be the actuator's or the sensor's"
 )
+_NO_CALIBRATION = (
+    "assumed: no calibration was logged, and without one what changed in the sensor looks as if it "
+    "were in the actuator"
+)
+
+
+@dataclass(frozen=True)
+class StageShares:
+    """What of a gap arises in each stage, as `Where` holds it."""
+
+    stage: Mapping[str, float] | None
+    not_known: str | None = None
+    assumed: str | None = None
 
 
 def p_value(verdict: Verdict) -> float:
@@ -41,21 +54,16 @@ def p_value(verdict: Verdict) -> float:
     return float(min(1.0, odds * verdict.none / max(1.0 - verdict.none, 1e-300)))
 
 
-def stages(
-    examined: Examined, verdict: Verdict, plain_deg: Floats
-) -> tuple[dict[str, float] | None, str | None]:
-    """Share the gap out to stages: by what explains it, or else by where it is seen.
-
-    Where the data cannot tell, the shares are None, and a text says why.
-    """
+def stages(examined: Examined, verdict: Verdict, plain_deg: Floats) -> StageShares:
+    """Share the gap out to stages: by what explains it, or else by where it is seen."""
     everything = examined.everything
     grid, fixture = everything.grid, everything.fixture
     if verdict.kind == "no_gap":
-        return dict.fromkeys(STAGES, 0.0), None
+        return StageShares(dict.fromkeys(STAGES, 0.0))
     known = stage_shares(verdict)
     by_command = grid.command_kpa is not None and not everything.has_pressure
     if verdict.kind != "unknown" or (verdict.sets and by_command):
-        return known, None
+        return StageShares(known)
     drive, rest_deg = 0.0, grid.angle_deg - plain_deg
     if everything.has_pressure:
         # With the measured pressure for the command, what vanishes was the drive's.
@@ -64,7 +72,8 @@ def stages(
         drive = float(np.mean((driven - plain_deg) ** 2))
         rest_deg = grid.angle_deg - driven
     elif fixture is None and not verdict.sets:
-        return None, _DRIVEN_BY_PRESSURE if grid.command_kpa is None else _NOT_KNOWN
+        why = _DRIVEN_BY_PRESSURE if grid.command_kpa is None else _NOT_KNOWN
+        return StageShares(None, not_known=why)
     rest, sensor = float(np.mean(rest_deg**2)) + 1e-9, 0.0
     if fixture is not None:
         excess = float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2))
@@ -79,7 +88,8 @@ def stages(
             squares[stage] += (1.0 - verdict.unknown) * (square - squares[stage])
     squares["drive"] = drive
     total = sum(squares.values())
-    return {stage: squares[stage] / total for stage in STAGES}, None
+    shares: dict[str, float] = {stage: squares[stage] / total for stage in STAGES}
+    return StageShares(shares, assumed=_NO_CALIBRATION if fixture is None else None)
 
 
 def causes_of(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cause, ...]:
