@@ -75,7 +75,10 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
             new = claim(e, verdict, rng)
             before = known.pop() if known else new
             closed = dict.fromkeys(verdict.sets, 0.0) | before.closed | new.closed
-            known.append(replace(new, closed=closed, doubt=before.doubt | new.doubt))
+            expected = before.expected | new.expected
+            by_chance = before.by_chance | new.by_chance
+            both = replace(new, closed=closed, expected=expected, by_chance=by_chance)
+            known.append(both)
         verdict = held_to(verdict, known[0])
         verdict = held_to(against_laws(verdict, e), known[0])
         return verdict.kind, [list(names) for names in verdict.sets]
