@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from spa_fo.gap.answer.causes import _stood
 from spa_fo.gap.claim.claimed import (
     Claim,
     beyond_expected,
@@ -130,6 +131,19 @@ def test_a_gap_beyond_all_that_is_expected_is_none_of_it() -> None:
     assert too_large_for_none(cause) == cause
 
 
+def test_what_closes_a_gap_that_is_too_large_for_none_is_a_part() -> None:
+    none = answer({(): 0.9, ("creep",): 0.05}, 0.05)
+    part = claims({("creep",): 0.9})
+    for found in (
+        too_large_for_none(none, part),
+        beyond_expected(none, 3.1, claimed=part),
+    ):
+        assert (found.kind, found.sets) == ("unknown", (("creep",),))
+        assert found.unknown == pytest.approx(0.95)
+    assert too_large_for_none(none, claims({("creep",): 0.1})).sets == ()
+    assert too_large_for_none(none, claims({})).sets == ()
+
+
 def test_what_the_reference_never_saw_is_neither_the_same_nor_changed() -> None:
     found = not_compared(answer({(): 0.9, ("creep",): 0.05}, 0.05))
     assert (found.kind, found.sets, found.none, found.unknown) == ("unknown", (), 0.0, 1.0)
@@ -165,3 +179,23 @@ def test_all_trials_say_how_large_a_change_is_each_as_far_as_it_was_foretold() -
     # Where the reference never was, what is missed says next to nothing.
     unknown = cast(Any, SimpleNamespace(grid=grid, variance=np.repeat([0.01, 1e6], 50)))
     assert times_missed(unknown, plain_deg, beyond) == pytest.approx(0.5, rel=0.01)
+
+
+DETACHED, LAG = ("sensor_detachment",), ("sensor_lag",)
+
+
+@pytest.mark.parametrize(
+    ("first", "unknown", "standing", "weight"),
+    [
+        ({DETACHED: 0.3}, 0.7, {DETACHED}, 0.3),
+        ({DETACHED: 0.04, (): 0.96}, 0.0, {DETACHED}, 1.0),
+        ({DETACHED: 0.04, (): 0.92}, 0.04, {DETACHED}, 0.5),
+        ({DETACHED: 0.3, LAG: 0.5}, 0.2, {DETACHED}, 0.3),
+        ({DETACHED: 0.3, LAG: 0.5}, 0.2, set(), 0.0),
+        ({(): 1.0}, 0.0, set(), 0.0),
+    ],
+)
+def test_a_part_says_where_as_far_as_it_stood_beside_unknown_causes(
+    first: dict[Ids, float], unknown: float, standing: set[Ids], weight: float
+) -> None:
+    assert _stood(answer(first, unknown), standing) == pytest.approx(weight)

@@ -211,10 +211,10 @@ def _answered(
         verdict = alone_if_rare(verdict)
         missed = times_missed(examined.everything, claimed.curves["plain"], beyond)
         of_drive = times_missed_of_drive(examined.everything, beyond)
-        verdict = beyond_expected(verdict, missed, of_drive)
+        verdict = beyond_expected(verdict, missed, of_drive, claimed)
         if _gap_deg(examined, claimed) > CLEARLY * examined.floor_deg:
             # Also where the reference never went: what nobody knows of is not nothing.
-            verdict = too_large_for_none(verdict)
+            verdict = too_large_for_none(verdict, claimed)
         if beyond.says_nothing:
             verdict = not_compared(verdict)
     if verdict.sets[:1] != examined.verdict.sets[:1]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,15 +81,25 @@ def stages(examined: Examined, verdict: Verdict, plain_deg: Floats) -> StageShar
     # What nothing shows elsewhere counts as the actuator's.
     squares = {"actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
     if verdict.sets:
-        # A part that is explained says of what is not the drive's as much as it is probable.
+        # A part that is explained says of what is not the drive's as much as it was probable, if
+        # there is a gap. What made it doubtful since does the same (a rare effect), or says nothing
+        # of where (a gap is there after all, or is hardly larger than expected); but where left-out
+        # trials refuted an explanation, it counts as unknown.
         beyond = max(1.0 - known["drive"], 1e-9)
+        weight = _stood(examined.verdict, {one.named for one in verdict.scored if one.probability})
         for stage in squares:
             square = known[stage] / beyond * rest
-            squares[stage] += (1.0 - verdict.unknown) * (square - squares[stage])
+            squares[stage] += weight * (square - squares[stage])
     squares["drive"] = drive
     total = sum(squares.values())
     shares: dict[str, float] = {stage: squares[stage] / total for stage in STAGES}
     return StageShares(shares, assumed=_NO_CALIBRATION if fixture is None else None)
+
+
+def _stood(first: Verdict, standing: Container[Ids]) -> float:
+    """How probable, if there is a gap, what still stands was at first."""
+    explained = sum(s.probability for s in first.scored if s.named and s.named in standing)
+    return float(min(explained / max(1.0 - first.none, 1e-9), 1.0))
 
 
 def causes_of(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cause, ...]:

@@ -212,7 +212,12 @@ def held_to(verdict: Verdict, claimed: Claim) -> Verdict:
     return replace(again, kind="unknown" if unknown or not sets else kind, sets=tuple(sets))
 
 
-def beyond_expected(verdict: Verdict, size: float, drive_size: float | None = None) -> Verdict:
+def beyond_expected(
+    verdict: Verdict,
+    size: float,
+    drive_size: float | None = None,
+    claimed: Claim | None = None,
+) -> Verdict:
     """Hold an answer against the size of the gap, over that of what a reference misses, too.
 
     Beyond `CLEARLY` something has changed, whatever it is; a smaller gap has a name only as far as
@@ -227,10 +232,12 @@ def beyond_expected(verdict: Verdict, size: float, drive_size: float | None = No
     drive_size : float, optional
         The same of the pressure, which shows effects of the drive by itself; None where it was not
         measured.
+    claimed : Claim, optional
+        What sets close of it; without one no set is a part of what is not expected.
     """
     largest = max(size, drive_size or 0.0)
     if largest > CLEARLY:
-        verdict = too_large_for_none(verdict)
+        verdict = too_large_for_none(verdict, claimed)
     shares = {s.named: _trust(s.named, size, drive_size) for s in verdict.scored}
     lost = sum(s.probability * (1.0 - shares[s.named]) for s in verdict.scored)
     nothing = size <= 1.0 and largest <= CLEARLY
@@ -285,13 +292,20 @@ def times_missed_of_drive(everything: Evidence, beyond: Beyond) -> float | None:
     return float(np.sqrt(np.average(left**2, weights=weights))) / expected
 
 
-def too_large_for_none(verdict: Verdict) -> Verdict:
-    """Take no gap for an unknown cause where a gap is larger than all that is expected."""
+def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdict:
+    """Take no gap for an unknown cause where a gap is larger than all that is expected.
+
+    No set stood before; with a claim one that closes enough of the gap is said to be a part.
+    """
     if verdict.kind != "no_gap":
         return verdict
     scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
     again = judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
-    return replace(again, sets=()) if again.kind == "unknown" else again  # no set stood before
+    if again.kind != "unknown":
+        return again
+    closed = {} if claimed is None else claimed.closed
+    parts = [named for named in again.sets if closed.get(named, 0.0) >= SETTINGS.worth]
+    return replace(again, sets=tuple(parts))
 
 
 def not_compared(verdict: Verdict) -> Verdict:
