@@ -147,7 +147,9 @@ def diagnose(
     causes = causes_of(examined, verdict, claimed)
     progress("looking for the experiment that would decide")
     steps = next_steps(verdict.kind, verdict.sets, causes, everything, floor)
-    arises = stages(examined, verdict, curves["plain"])
+    # Between two campaigns what makes a part doubtful says nothing of where; a law here does.
+    first = verdict if beyond is None else examined.verdict
+    arises = stages(examined, verdict, first, curves["plain"])
     located = shares(everything, measured - curves["plain"], curves["plain"])
     return Diagnosis(
         campaign=data.campaign.name,

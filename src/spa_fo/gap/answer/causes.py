@@ -54,8 +54,11 @@ def p_value(verdict: Verdict) -> float:
     return float(min(1.0, odds * verdict.none / max(1.0 - verdict.none, 1e-300)))
 
 
-def stages(examined: Examined, verdict: Verdict, plain_deg: Floats) -> StageShares:
-    """Share the gap out to stages: by what explains it, or else by where it is seen."""
+def stages(examined: Examined, verdict: Verdict, first: Verdict, plain_deg: Floats) -> StageShares:
+    """Share the gap out to stages: by what explains it, or else by where it is seen.
+
+    `first` says how probable each explanation was before what tells nothing of where.
+    """
     everything = examined.everything
     grid, fixture = everything.grid, everything.fixture
     if verdict.kind == "no_gap":
@@ -86,7 +89,7 @@ def stages(examined: Examined, verdict: Verdict, plain_deg: Floats) -> StageShar
         # of where (a gap is there after all, or is hardly larger than expected); but where left-out
         # trials refuted an explanation, it counts as unknown.
         beyond = max(1.0 - known["drive"], 1e-9)
-        weight = _stood(examined.verdict, {one.named for one in verdict.scored if one.probability})
+        weight = _stood(first, {one.named for one in verdict.scored if one.probability})
         for stage in squares:
             square = known[stage] / beyond * rest
             squares[stage] += weight * (square - squares[stage])
