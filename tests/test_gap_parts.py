@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
-from scipy.stats import t as student_t
 
 import campaigns
 import naive_plant
@@ -20,6 +19,7 @@ from spa_fo.gap.answer.intervals import _interval, _of_shift, _of_zeros
 from spa_fo.gap.answer.locate import shares
 from spa_fo.gap.data.evidence import Evidence, collect, curve_columns, noise_floor
 from spa_fo.gap.data.searched import at_rate, to_x, to_z
+from spa_fo.gap.decide.explanation import steady_walk
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.rig import read_campaign, read_trials
 
@@ -167,12 +167,26 @@ def test_the_error_of_b0_is_that_of_gain_and_a0_together() -> None:
         assert errors["parameter_shift", name] == expected
 
 
-def test_the_errors_of_a_slip_are_what_its_zeros_scatter_about_a_line_by() -> None:
-    orders = np.arange(1, 13)
-    zeros = 0.3 * orders + np.random.default_rng(5).normal(0.0, 0.2, 12)
-    errors = _of_zeros("sensor_slip", zeros, orders)
-    _, spread = np.polyfit(orders, zeros, 1, cov=True)
-    wider = student_t.ppf(0.975, 10) / 1.96
+def test_the_errors_of_a_slip_are_what_its_steps_scatter_by() -> None:
+    orders = np.arange(1, 401)
+    jumps = np.random.default_rng(5).normal(0.3, 0.2, 400)
+    errors = _of_zeros("sensor_slip", np.cumsum(jumps), orders)
     walk, zero = (errors["sensor_slip", name][0] for name in ("walk_deg", "zero_deg"))
-    assert walk == pytest.approx(np.sqrt(spread[0, 0]) * wider)
-    assert zero == pytest.approx(0.2 * wider, rel=0.4)
+    assert walk == pytest.approx(0.2 / np.sqrt(399.0), rel=0.1)
+    assert zero == pytest.approx(0.2, rel=0.1)
+
+
+def test_a_zero_that_walks_goes_on_and_one_that_jumps_about_stays() -> None:
+    orders = np.array([1, 2, 4, 5, 8, 9, 12])
+    assert steady_walk(orders, 0.4 * orders - 1.0) == pytest.approx((0.4, 0.0))
+    about = np.array([4.4, 19.5, 16.6, 4.7, -0.1, 6.1, 0.3])  # as likely back as on
+    walk, sigma = steady_walk(orders, about)
+    assert walk == 0.0
+    assert sigma > abs((about[-1] - about[0]) / 11.0)
+    assert steady_walk(orders[:1], about[:1]) == (0.0, 0.0)
+    assert steady_walk(orders[:2], about[:2]) == pytest.approx((15.1, 15.1))
+    # Far beyond what its steps scatter by, nearly all of a walk goes on.
+    steps = np.random.default_rng(1).normal(2.0, 0.5, 30)
+    walk, _ = steady_walk(np.arange(30) + 1, np.cumsum(steps))
+    mean = (np.sum(steps) - steps[0]) / 29.0
+    assert 0.99 * mean < walk < mean

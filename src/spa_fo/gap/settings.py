@@ -93,13 +93,7 @@ class Settings:
     )
     single: float = _number(0.35, "probability", "assumed", "prior of one effect")
     unknown: float = _number(
-        0.3, "odds", "learned", "prior: a set compensates for another cause, against it is right"
-    )
-    stands_in: float = _number(
-        0.5, "of the price", "learned", "what a set pays, beyond one effect's, that compensates"
-    )
-    trend: float = _number(
-        0.2, "odds", "learned", "prior: the residual depends on the order of the trials"
+        0.3, "odds", "learned", "prior: a set compensates for another cause, or one is beside it"
     )
     shift_beside: float = _number(
         0.02, "odds", "assumed", "prior of a shift beside another effect: mostly compensating"
@@ -112,7 +106,7 @@ class Settings:
         0.2, "noise floors", "learned", "a member without which the others do as well is none"
     )
     of_all: float = _number(
-        0.1,
+        0.2,
         "of what the set moves",
         "learned",
         "a member that moves less, or is needed for less, may be a compensating term",
@@ -127,6 +121,12 @@ class Settings:
     # --- the answer ------------------------------------------------------------------------------
     covered: float = _number(0.93, "probability", "learned", "total of the sets that are named")
     least: float = _number(0.1, "probability", "learned", "below which a set is not listed")
+    failed: float = _number(
+        0.05, "probability", "learned", "all of this reasoning fails: any kind of answer, then"
+    )
+    together: float = _number(
+        0.3, "probability", "learned", "what surely is unknown is the library's, as none was tried"
+    )
     worth: float = _number(
         0.33,
         "of the gap",

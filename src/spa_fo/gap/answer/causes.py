@@ -13,7 +13,7 @@ from spa_fo.gap.claim.claimed import Claim
 from spa_fo.gap.data.evidence import angle_chain
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import Explanation, explanation_of
-from spa_fo.gap.decide.verdict import Verdict, stage_shares
+from spa_fo.gap.decide.verdict import Verdict, said, stage_shares
 from spa_fo.gap.diagnosis import Cause, Traces
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
@@ -109,12 +109,13 @@ def causes_of(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cau
     """List every explanation considered with its parameters, the most probable first."""
     orders = examined.everything.grid.orders
     causes: dict[Ids, Cause] = {}
+    probabilities, unknown = said(verdict)
     for s in verdict.scored:
         explanation = explanation_of(s, s.angle, s.drive)
         named = s.named or ("none",)
         causes[named] = Cause(
             set=named,
-            probability=s.probability,
+            probability=probabilities.get(s.named, 0.0),
             parameters=with_intervals(explanation, examined.given, orders),
             transfer_function=_by_name(explanation.x),
             held_out_rmse_deg=claimed.errors.get(s.named),
@@ -122,9 +123,9 @@ def causes_of(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cau
         )
     plain = _by_name(examined.found.plain.x)
     for cause in (
-        Cause(("none",), 0.0, {}, plain, claimed.errors.get(())),
+        Cause(("none",), probabilities[()], {}, plain, claimed.errors.get(())),
         *(Cause((name,), 0.0, {}, {}) for name in LIBRARY if name not in examined.excluded),
-        Cause(("unknown",), verdict.unknown, {}, {}),
+        Cause(("unknown",), unknown, {}, {}),
     ):
         causes.setdefault(cause.set, cause)
     total = sum(cause.probability for cause in causes.values())

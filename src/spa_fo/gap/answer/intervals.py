@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import linregress
 from scipy.stats import t as student_t
 
-from spa_fo.gap.decide.explanation import Explanation
+from spa_fo.gap.decide.explanation import Explanation, steady_walk
 from spa_fo.gap.search.drive import DriveFit
 from spa_fo.plant.effects.library import LIBRARY, at_port
 
@@ -96,11 +95,11 @@ def _of_shift(name: str, given: Floats, covariance: Floats) -> Errors:
 
 
 def _of_zeros(name: str, zeros: Floats, orders: Integers) -> Errors:
-    """Errors of the line through the trials' zeros, by what they scatter about it."""
+    """Errors of the steady walk of the trials' zeros, and of the first by as much as they jump."""
     if orders.size < 3:
         return {}
     few = float(student_t.ppf(_HIGH, orders.size - 2)) / _WIDTH
-    slope = float(linregress(orders, zeros).stderr) * few
-    scatter = slope * float(np.std(orders)) * orders.size**0.5
+    slope = few * steady_walk(orders, zeros)[1]
+    jump = slope * float(orders[-1] - orders[0]) ** 0.5
     walk, zero = LIBRARY[name].parameters
-    return {(name, walk.name): (slope, False), (name, zero.name): (scatter, False)}
+    return {(name, walk.name): (slope, False), (name, zero.name): (jump, False)}

@@ -63,8 +63,7 @@ class Explanation:
         zeros, line = at_port("zeros", self.ids), at_port("line", self.ids)
         if zeros:
             by_trial = self.angle.zeros_deg
-            walk = float(np.polyfit(orders, by_trial, 1)[0]) if orders.size > 1 else 0.0
-            values[zeros] = [walk, float(by_trial[0])]
+            values[zeros] = [steady_walk(orders, by_trial)[0], float(by_trial[0])]
         if line and self.line is not None:
             values[line] = [self.line[1], self.line[0]]
         found: dict[str, dict[str, Any]] = {
@@ -78,6 +77,35 @@ class Explanation:
         if shift:
             found[shift] = dict(zip(PARAMETERS, (self.x / given).tolist(), strict=True))
         return found
+
+
+def steady_walk(orders: NDArray[np.int64], zeros_deg: Floats) -> tuple[float, float]:
+    """Estimate how a zero goes on, deg per trial, and 1 sigma of that.
+
+    The mean of its steps, the less of it the less it differs from what they scatter by: a zero that
+    only jumps about is as likely to go back as on.
+
+    Parameters
+    ----------
+    orders : (trials,) array of int
+        Places of the trials in the campaign, ascending.
+    zeros_deg : (trials,) array
+        The zero in each.
+
+    Notes
+    -----
+    Positive-part shrinkage: W. James, C. Stein, Proc. 4th Berkeley Symp. 1 (1961) 361.
+    """
+    if orders.size < 2:
+        return 0.0, 0.0
+    taken = np.diff(orders)
+    mean = float(zeros_deg[-1] - zeros_deg[0]) / float(taken.sum())
+    if taken.size < 2:
+        return mean, abs(mean)
+    # Of independent steps the variance grows with their number.
+    square = float(np.sum((np.diff(zeros_deg) - mean * taken) ** 2 / taken)) / (taken.size - 1)
+    error = square / float(taken.sum())
+    return mean * max(0.0, 1.0 - error / max(mean**2, 1e-300)), error**0.5
 
 
 def angle_part(named: Ids, drive: DriveFit | None, fast: bool) -> Ids:

@@ -15,6 +15,7 @@ from spa_fo.plant.effects.library import LIBRARY
 
 Ids = tuple[str, ...]
 Kind = Literal["no_gap", "cause", "ambiguous", "unknown"]
+_LISTED = 1e-12  # probability below which a set is none
 
 
 @dataclass(frozen=True)
@@ -92,3 +93,25 @@ def stage_shares(verdict: Verdict) -> dict[str, float]:
             shares[LIBRARY[name].stage] += one.probability * square / whole
     total = sum(shares.values())
     return {stage: share / total if total > 0.0 else 0.0 for stage, share in shares.items()}
+
+
+def said(verdict: Verdict) -> tuple[dict[Ids, float], float]:
+    """Give the probabilities as they are said, of each set and of an unknown cause.
+
+    They sum to 1, and decide nothing: no order between the kinds of answer changes. What leads to
+    them may be wrong as a whole, and all kinds of answer are as good then; and of what nothing that
+    was tried explains a part is due to effects of the library, together or in another form.
+    """
+    s = SETTINGS
+    own = {one.named: one.probability for one in verdict.scored if one.probability > _LISTED}
+    none, unknown = own.pop((), 0.0), verdict.unknown
+    whole = none + unknown + sum(own.values())
+    none, unknown = (
+        (1.0 - s.failed) * probability / whole + s.failed / 3.0 for probability in (none, unknown)
+    )
+    if own:
+        unknown -= 2.0 * s.together * max(unknown - 0.5, 0.0)
+    else:
+        unknown = 1.0 - none
+    left = (1.0 - none - unknown) / max(sum(own.values()), 1e-300)
+    return {(): none} | {named: left * probability for named, probability in own.items()}, unknown

@@ -4,11 +4,10 @@ An explanation is right where it leaves a small share of the gap, and stands in 
 where it leaves more. With L(s) the evidence where it misses a share s,
 
     right:    prior · max_s L(s)^T e^{-s/s_r} / Σ_s e^{-s/s_r},
-    unknown:  odds · one effect's prior · the set's own odds · Σ_s L(s)^T / n,
+    unknown:  odds · prior of one effect, or of two · Σ_s L(s)^T / n,
 
 the first over all shares, those too small to matter counting as none; the second over those that
-matter: a set of two or more that stands in for one unknown effect pays a part of the price of the
-second. No gap is the plain model, or what repeats being too small to matter.
+matter. No gap is the plain model, or what repeats being too small to matter.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from spa_fo.gap.search.drive import Drive, DriveFit
 from spa_fo.gap.search.explanations import WORTH_WEIGHING, Explanations
 from spa_fo.gap.search.fitted import Fitted, price
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, at_port, log_odds, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -43,12 +42,10 @@ _BOTH = float(np.sqrt(2.0))  # what is missed anyway and a change as large add u
 def _stands_in(ids: Ids = ()) -> float:
     """How probable it is beforehand that a set stands in for one unknown effect.
 
-    One unknown effect is as probable as a known one, but of what may stand in for it there are more
-    pairs than single effects: of a second one a part of the price is paid, too.
+    One unknown effect is as probable as a known one, however rare what stands in for it is; but of
+    what may do so there are more pairs than single effects, and what two explain may be two.
     """
-    one, two = (log_prior(tuple(LIBRARY)[:count]) for count in (1, 2))
-    # What a rare effect stands in for is as rare.
-    return log_odds(ids) + (one if len(ids) < 2 else one + SETTINGS.stands_in * (two - one))
+    return log_prior(tuple(LIBRARY)[: 1 if len(ids) < 2 else 2])
 
 
 def _with_one_more(ids: Ids) -> float:
@@ -186,7 +183,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
             # What goes with the trials' order is structure that is left, too: an unknown effect
             # beside a set.
             beside = s.temper * (float(logs.max()) + f.trend_nats) + _with_one_more(part.priced)
-            unknown = np.append(part.unknown, beside + np.log(s.unknown * s.trend))
+            unknown = np.append(part.unknown, beside + 2.0 * np.log(s.unknown))
             left = float(np.hypot(part.left_deg, f.trend_deg))
             part = replace(part, unknown=unknown, left_deg=left)
         parts.append(part)
