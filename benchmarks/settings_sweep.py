@@ -42,9 +42,12 @@ FACTORS = (0.5, 2.0)
 HIGHEST = 0.95  # of a probability that is doubled
 DECIDED = (
     *("right_share", "unknown", "moves", "of_all", "needed"),
-    *("left", "no_gap", "covered", "least", "gains"),
+    *("left", "no_gap", "covered", "least", "gains", "failed", "together"),
 )
-"""Numbers that are read after all is fitted: in `decide.py`, and for the trials held out."""
+"""Numbers that are read after all is fitted: in `decide.py`, and for the trials held out.
+
+The last two say how sure one is of a verdict, and move none.
+"""
 
 Said = tuple[str, frozenset[frozenset[str]]] | None  # the kind and the sets; None for an error
 Answers = Mapping[str, Said]  # by case

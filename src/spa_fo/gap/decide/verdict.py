@@ -98,8 +98,8 @@ def stage_shares(verdict: Verdict) -> dict[str, float]:
 def said(verdict: Verdict) -> tuple[dict[Ids, float], float]:
     """Give the probabilities as they are said, of each set and of an unknown cause.
 
-    They sum to 1, and decide nothing: the most probable kind of answer stays. What leads to them may
-    be wrong as a whole, and all kinds of answer are as good then; and of what nothing that was
+    They sum to 1, and decide nothing: the most probable kind of answer stays. What leads to them
+    may be wrong as a whole, and all kinds of answer are as good then; and of what nothing that was
     tried explains a part is due to effects of the library, together or in another form.
     """
     s = SETTINGS
