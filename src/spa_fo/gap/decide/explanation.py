@@ -101,7 +101,7 @@ def steady_walk(orders: NDArray[np.int64], zeros_deg: Floats) -> tuple[float, fl
     taken = np.diff(orders)
     mean = float(zeros_deg[-1] - zeros_deg[0]) / float(taken.sum())
     if taken.size < 2:
-        return mean, abs(mean)
+        return 0.0, abs(mean)  # a single step is a jump as well
     # Of independent steps the variance grows with their number.
     square = float(np.sum((np.diff(zeros_deg) - mean * taken) ** 2 / taken)) / (taken.size - 1)
     error = square / float(taken.sum())
