@@ -814,3 +814,10 @@ def test_a_pressure_that_stands_in_the_rests_is_that_of_the_drive() -> None:
     driven, _ = chain_for(grid, X, KPA, pressure_kpa=known).readings(X, absent())
     assert (angle[grid.step_starts[1:-1]] > 1.0).all()
     np.testing.assert_allclose(driven, angle, atol=1e-9)
+
+
+def test_a_drift_may_take_a_third_of_the_gain_in_ten_minutes() -> None:
+    rate = LIBRARY["thermal_drift"].parameters[0]
+    # Within what is plausible: three times the spread.
+    assert rate.low <= -2.0 <= 2.0 <= rate.high
+    assert 3.0 * rate.spread > 2.0

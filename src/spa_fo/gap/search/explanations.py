@@ -34,7 +34,7 @@ from spa_fo.gap.search.fitted import (
 )
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import Team, each, team
-from spa_fo.plant.effects.library import LIBRARY, at_port, beside, log_odds, ordered
+from spa_fo.plant.effects.library import LIBRARY, at_port, beside, log_odds, ordered, rare
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -167,7 +167,10 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     again = at_port("coefficients", excluded)
     shown = screen(bench, plain, chained)
     alone = [((n,), [plain.z]) for n in linear]
-    alone += [((n,), _points(shown, n)) for n in _first(shown, _SINGLES)]
+    # What repeats say of their order no score test shows: it may hide in the trials' scatter.
+    by_order = [n for n in chained if "order" in LIBRARY[n].shown_in and not rare(n)]
+    promising = dict.fromkeys([*_first(shown, _SINGLES), *by_order])
+    alone += [((n,), _points(shown, n)) for n in promising]
     if again is not None and not bench.own:
         alone.append(((again,), [plain.z]))
     with team(bench) as ours:

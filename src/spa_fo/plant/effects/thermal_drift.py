@@ -15,10 +15,10 @@ EFFECT = Effect(
             "per_hour",
             "1/h",
             "change of the gain in the first hour",
-            spread=0.15,
-            high=0.9,
+            spread=1.0,
+            high=6.0,  # a doubling in ten minutes
             start=0.06,
-            low=-0.7,
+            low=-4.0,
         ),
         amplitude(
             "fading_per_hour",
