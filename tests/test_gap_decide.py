@@ -225,22 +225,6 @@ def test_one_trial_of_each_repeated_experiment_is_held_out_and_never_the_first()
         assert not held.trials[[0, 5, 9]].any()
 
 
-def test_the_trials_held_out_show_as_much_of_the_gap_as_all_do():
-    experiments = ["a"] * 5 + ["b"] * 5
-    evidence = trials(list(enumerate(experiments)))
-    evidence.grid.sample_trial = np.repeat(np.arange(10), 20)
-    evidence.grid.counts = np.ones(200)
-    size = np.array([4.0, 0.1, 0.1, 2.0, 0.1, 4.0, 0.1, 0.1, 2.0, 0.1])  # of the gap, by trial
-    missed = size[evidence.grid.sample_trial]
-    all_of_it = np.sqrt(np.mean(size**2))
-    for seed in range(10):
-        held = hold_out(evidence, np.random.default_rng(seed), missed).trials
-        assert held.sum() == 2
-        assert not held[[0, 5]].any()
-        # Both of 2.0, or one of them: never two that show nothing.
-        assert 0.6 < np.sqrt(np.mean(size[held] ** 2)) / all_of_it < 1.1
-
-
 def test_without_repeats_one_experiment_is_held_out():
     held = hold_out(trials(list(enumerate("abcd"))), np.random.default_rng(0))
     assert held.trials.sum() == 1

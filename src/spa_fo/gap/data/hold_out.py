@@ -13,7 +13,6 @@ from spa_fo.gap.diagnosis import Shrink
 Floats = NDArray[np.float64]
 
 _MOST = 0.3  # of the trials
-_CANDIDATES = 12  # draws; more hardly come nearer
 _DRAWS = 2000
 _LEAST_HALF_WIDTH = 0.1  # the floor itself is known from few trials
 _HARDLY = 0.3  # noise floors
@@ -28,41 +27,11 @@ class HeldOut:
     text: str  # what they are, in words
 
 
-def hold_out(
-    evidence: Evidence, rng: np.random.Generator, missed_deg: Floats | None = None
-) -> HeldOut:
+def hold_out(evidence: Evidence, rng: np.random.Generator) -> HeldOut:
     """Draw one trial of each experiment that was repeated; else one of three or more experiments.
 
     The first trial of an experiment stays: softening is seen in it.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The campaign.
-    rng : numpy.random.Generator
-        Draws.
-    missed_deg : (n,) array, optional
-        What the given model misses at the averaged samples: of some draws that one is taken whose
-        trials it misses by as much as all of them, as a gap that few trials show closes by any
-        share. No explanation has a part in that.
     """
-    if missed_deg is None:
-        return _drawn(evidence, rng)
-    whole = _rms(evidence, missed_deg, np.ones(missed_deg.size, dtype=bool))
-
-    def differs(held: HeldOut) -> float:
-        own = _rms(evidence, missed_deg, judged(evidence, held))
-        return float(abs(np.log(max(own, 1e-12) / max(whole, 1e-12))))
-
-    return min((_drawn(evidence, rng) for _ in range(_CANDIDATES)), key=differs)
-
-
-def _rms(evidence: Evidence, missed_deg: Floats, where: NDArray[np.bool_]) -> float:
-    weights = evidence.grid.counts[where]
-    return float(np.sqrt(np.average(missed_deg[where] ** 2, weights=weights)))
-
-
-def _drawn(evidence: Evidence, rng: np.random.Generator) -> HeldOut:
     grid = evidence.grid
     held = np.zeros(len(grid.trials), dtype=bool)
     most = max(1, int(_MOST * held.size))
