@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import campaigns
 from blind.first_rig import write_case
@@ -18,7 +16,6 @@ from spa_fo.api import Campaign, Comparison
 from spa_fo.cli import main
 from spa_fo.compare import compare
 from spa_fo.compare.compare import _moved_before, _zeroed
-from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, inputs, kernel, learn, telling
 from spa_fo.config import match_materials
 from spa_fo.errors import BadInput
 from spa_fo.identify import fit_campaign
@@ -51,91 +48,6 @@ def compared(
     folder = tmp_path_factory.mktemp("compared")
     comparison.save(folder)
     return comparison, folder
-
-
-# --- the law of what is missed in both -----------------------------------------------------------
-
-
-def signals(trials: int = 3, gain: float = 1.0) -> list[Signal]:
-    """Trials of an actuator whose misses depend on a slow lag of the input, squared."""
-    made = []
-    for trial in range(trials):
-        t = np.arange(0.0, 12.0, 0.05)
-        drive = np.where((t > 1.0) & (t < 7.0), 10.0 + 4.0 * trial, 0.0)
-        (x,) = inputs([Signal(0.0, t, drive, t)], np.array([2.0]))
-        made.append(Signal(1000.0 * trial, t, drive, gain * 0.01 * x[:, 1] ** 2))
-    return made
-
-
-def test_the_law_predicts_a_trial_between_those_that_it_learned_from() -> None:
-    first, between, last = signals()
-    law = learn([first, last])
-    ((mean, deviation),) = law.predict([between])
-    size = float(np.sqrt(np.mean(between.missed**2)))
-    assert float(np.sqrt(np.mean((mean - between.missed) ** 2))) < 0.2 * size
-    assert deviation.shape == mean.shape
-
-
-def test_the_law_goes_back_to_nothing_where_nothing_like_it_was_seen() -> None:
-    law = learn(signals())
-    far = replace(signals(1)[0], input=40.0 * signals(1)[0].input)
-    ((mean, deviation),) = law.predict([far])
-    on = far.input > 0.0
-    assert np.abs(mean[on]).max() < 0.2 * law.amplitude
-    assert deviation[on].min() > 0.9 * law.amplitude
-
-
-def test_where_nothing_is_missed_the_law_is_nothing() -> None:
-    quiet = signals(gain=0.0)
-    law = learn(quiet)
-    assert law.left_rms == 0.0
-    assert all(np.all(mean == 0.0) for mean, _ in law.predict(quiet))
-
-
-def test_what_was_left_out_took_no_part() -> None:
-    """The misses on a left-out trial are those of a law that never saw it."""
-    trials = signals()
-    trials[1] = replace(trials[1], missed=trials[1].missed + 5.0)
-    law = learn(trials)
-    others = plainly_left_out(trials, 1, law)
-    np.testing.assert_allclose(law.left[1], others, atol=1e-6)
-    assert np.mean(law.left[1]) == pytest.approx(5.0, abs=1.5)
-
-
-def plainly_left_out(trials: list[Signal], out: int, law: FadingMemoryLaw) -> np.ndarray:
-    """Learn from the chosen samples of the other trials, by the textbook's formula."""
-    every = (np.concatenate(inputs(trials, law.lags_s)) - law.centre) / law.scale
-    ends = np.cumsum([0, *(t.t_s.size for t in trials)])
-    chosen = telling(every)
-    learned = chosen[(chosen < ends[out]) | (chosen >= ends[out + 1])]
-    y = np.concatenate([t.missed for t in trials])
-    k = kernel(every[learned], every[learned], law.length) + law.noise * np.eye(learned.size)
-    weights = np.linalg.solve(k, y[learned])
-    mine = slice(int(ends[out]), int(ends[out + 1]))
-    return y[mine] - kernel(every[mine], every[learned], law.length) @ weights
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.lists(st.floats(0.0, 50.0), min_size=2, max_size=6), st.floats(0.1, 20.0))
-def test_the_lags_are_those_of_a_plain_loop(levels: list[float], lag_s: float) -> None:
-    t = np.arange(0.0, 2.0 * len(levels), 0.02)
-    drive = np.repeat(levels, 100)[: t.size]
-    (x,) = inputs([Signal(0.0, t, drive, t)], np.array([lag_s]))
-    state, plain = 0.0, []
-    for value in drive:
-        state += (1.0 - np.exp(-0.02 / lag_s)) * (value - state)
-        plain.append(state)
-    np.testing.assert_allclose(x[:, 1], plain, atol=1e-6 * max(1.0, max(levels)))
-    np.testing.assert_array_equal(x[:, 2], np.maximum.accumulate(drive))
-
-
-def test_a_trial_begins_with_what_the_one_before_left() -> None:
-    t = np.arange(0.0, 4.0, 0.02)
-    first = Signal(0.0, t, np.full(t.size, 8.0), t)
-    second = Signal(first.t_s[-1] + 5.0, t, np.zeros(t.size), t)
-    at_once, later = inputs([first, second], np.array([3.0]))
-    left = at_once[-1, 1] * np.exp(-5.0 / 3.0)
-    assert later[0, 1] == pytest.approx(left, rel=0.02)
 
 
 # --- the zero of a log ---------------------------------------------------------------------------

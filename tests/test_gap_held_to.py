@@ -11,15 +11,19 @@ import pytest
 
 from spa_fo.gap.answer.causes import _stood
 from spa_fo.gap.claim.claimed import (
+    CHANGED,
+    CLEARLY,
     Claim,
     beyond_expected,
+    differs,
     held_to,
     not_compared,
     times_expected,
-    times_missed,
     too_large_for_none,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
+from spa_fo.gap.noise.bench_noise import Beyond
+from spa_fo.gap.noise.coloured import Scatter, Spectrum
 
 Ids = tuple[str, ...]
 NOT_READ = cast(Any, None)
@@ -100,15 +104,20 @@ def test_what_is_no_larger_than_expected_is_no_change() -> None:
 
 def test_what_is_hardly_larger_than_expected_has_a_name_in_part() -> None:
     found = answer({("creep",): 0.9, (): 0.04}, 0.06)
-    near = beyond_expected(found, 1.5)
-    assert (near.kind, near.sets) == ("unknown", (("creep",),))
-    assert near.of(("creep",)).probability == pytest.approx(0.25 * 0.9)
-    assert near.unknown == pytest.approx(0.06 + 0.75 * 0.9)
-    assert near.none == pytest.approx(0.04)
-    assert beyond_expected(found, 2.8).kind == "cause"
-    assert beyond_expected(found, 3.0) == found
+    near = beyond_expected(found, 1.75)  # 0.6 of the way from 1 to CHANGED
+    assert (near.kind, near.sets) == ("cause", (("creep",),))
+    assert near.of(("creep",)).probability == pytest.approx(0.6 * 0.9)
+    lost = 0.06 + 0.4 * 0.9
+    assert near.unknown == pytest.approx(0.6 * lost)
+    assert near.none == pytest.approx(0.04 + 0.4 * lost)
+    assert beyond_expected(found, 1.25).kind == "no_gap"
+    assert beyond_expected(found, 2.2).kind == "cause"
+    surely = beyond_expected(found, CHANGED)
+    assert (surely.kind, surely.sets, surely.none) == ("cause", found.sets, 0.0)
+    assert surely.of(("creep",)).probability == pytest.approx(0.9 / 0.96)
+    assert surely.unknown == pytest.approx(0.06 / 0.96)
     drive = answer({("leak",): 0.95}, 0.05)
-    assert beyond_expected(drive, 1.5, 3.0) == drive
+    assert beyond_expected(drive, 1.5, CLEARLY + 0.01) == drive
     assert beyond_expected(drive, 3.5, 1.5).kind == "unknown"
     both = beyond_expected(answer({("leak", "creep"): 0.9}, 0.1), 2.8, 1.2)
     assert both.of(("leak", "creep")).probability == pytest.approx(0.1 * 0.9)
@@ -173,12 +182,30 @@ def test_what_is_expected_is_noise_the_fixture_s_error_and_the_model_s() -> None
 
 def test_all_trials_say_how_large_a_change_is_each_as_far_as_it_was_foretold() -> None:
     grid = SimpleNamespace(angle_deg=np.repeat([1.0, 5.0], 50), counts=np.ones(100))
-    known = cast(Any, SimpleNamespace(grid=grid, variance=np.full(100, 0.01)))
-    plain_deg, beyond = np.zeros(100), cast(Any, SimpleNamespace(angle_deg=2.0))
-    assert times_missed(known, plain_deg, beyond) == pytest.approx(np.sqrt(13.0) / 2.0)
-    # Where the reference never was, what is missed says next to nothing.
-    unknown = cast(Any, SimpleNamespace(grid=grid, variance=np.repeat([0.01, 1e6], 50)))
-    assert times_missed(unknown, plain_deg, beyond) == pytest.approx(0.5, rel=0.01)
+    day = Scatter(0.0, 0.0, 0.0)
+    none = Spectrum(0.0, np.zeros(6))
+    beyond, plain_deg = Beyond(none, day, day, angle_deg=2.0), np.zeros(100)
+
+    def known(sigma: list[float], variance: list[float]) -> Any:
+        foreseen, doubt = np.repeat(sigma, 50), np.repeat(variance, 50)
+        return cast(
+            Any, SimpleNamespace(grid=grid, foreseen_deg=foreseen, variance=doubt, rows=rows)
+        )
+
+    rows = [np.arange(50), np.arange(50, 100)]
+    alike = known([2.0, 2.0], [0.0, 0.0])
+    assert differs(alike, plain_deg, beyond) == pytest.approx((np.sqrt(13.0), 2.0))
+    # Each of these trials is off by one angle throughout, which an unsure zero explains.
+    unsure, _ = differs(alike, plain_deg, replace(beyond, zero_deg=2.0))
+    assert unsure == pytest.approx(0.5 * np.sqrt(13.0))
+    # Where the reference never was, or hardly knows, what is missed says next to nothing.
+    for nowhere in (known([2.0, 2.0], [0.0, 1e6]), known([2.0, 1e3], [0.0, 0.0])):
+        size, expected = differs(nowhere, plain_deg, beyond)
+        assert (size, expected) == pytest.approx((1.0, 2.0), rel=0.01)
+    # Of what one day differs by from another, a share goes with the angle.
+    other = replace(beyond, day=Scatter(0.1, 0.5, 0.0))
+    _, expected = differs(known([2.0, 2.0], [0.0, 0.0]), np.full(100, 5.0), other)
+    assert expected == pytest.approx(np.sqrt(4.0 + 0.25 + 0.25))
 
 
 DETACHED, LAG = ("sensor_detachment",), ("sensor_lag",)

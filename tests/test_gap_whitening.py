@@ -76,11 +76,16 @@ def lowers(factor: Factor) -> list[Floats]:
     return [np.asarray(np.linalg.inv(own), dtype=np.float64) for own in factor.whiteners]
 
 
-@pytest.mark.parametrize(("level", "hidden"), [(1.5, 0.0), (1.0, 0.3)])
-def test_the_factor_is_of_the_covariance_entry_by_entry(level: float, hidden: float) -> None:
+@pytest.mark.parametrize(
+    ("level", "hidden", "foreseen"), [(1.5, 0.0, False), (1.0, 0.3, False), (1.5, 0.0, True)]
+)
+def test_the_factor_is_of_the_covariance_entry_by_entry(
+    level: float, hidden: float, foreseen: bool
+) -> None:
     rows = laid()
     gap = np.linspace(0.5, 2.0, rows.size)
-    whitening = Whitening(rows, SPECTRUM, gap, hidden)
+    times = np.linspace(1.0, 3.0, rows.size)
+    whitening = Whitening(rows, SPECTRUM, gap, hidden, times if foreseen else None)
     share = 0.2
     factor = whitening.factor(level, share)
     half_log = 0.0
@@ -91,7 +96,8 @@ def test_the_factor_is_of_the_covariance_entry_by_entry(level: float, hidden: fl
         for i in range(n):
             for j in range(n):
                 if group.trial[i] == group.trial[j]:
-                    slow[i, j] += level**2 * coloured[i, j]
+                    own = times[group.rows][[i, j]].prod() if foreseen else 1.0
+                    slow[i, j] += level**2 * own * coloured[i, j]
                 apart = abs(group.time_s[i] - group.time_s[j])
                 size = gap[group.rows][i] * gap[group.rows][j]
                 slow[i, j] += share**2 * size * np.mean(np.exp(-apart / MISSED_OVER_S))

@@ -17,13 +17,22 @@ from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, learn
+from spa_fo.compare.standing_still import Still, rows_of, still, with_still
 from spa_fo.errors import BadInput
-from spa_fo.gap.data.evidence import largest_deg
+from spa_fo.gap.data.evidence import Foreseen, largest_deg
 from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.gap.noise.bench_noise import NOWHERE, TYPICAL, Beyond
-from spa_fo.gap.noise.coloured import Scatter, Spectrum, estimate, misfit, scatter
+from spa_fo.gap.noise.coloured import (
+    CORRELATION_S,
+    TYPICAL_DEG,
+    Scatter,
+    Spectrum,
+    estimate,
+    misfit,
+    scatter,
+)
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented
@@ -64,6 +73,11 @@ class Comparison:
     model : Model or None
         Of the reference with the change in it; the plain one where nothing is named. None where no
         angle was logged: all that `change` says in degrees is in kPa then.
+    standing : tuple of Still
+        Where the reading of the second campaign stands still.
+    sigma : tuple of arrays
+        By trial of the second campaign: standard deviation of what it may differ by without any
+        change, deg; NaN where the reference never was. Empty where no angle was logged.
     """
 
     reference: CampaignData
@@ -74,6 +88,8 @@ class Comparison:
     common: tuple[Floats, ...]
     unvisited: float
     model: Model | None
+    standing: tuple[Still, ...] = ()
+    sigma: tuple[Floats, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -165,33 +181,42 @@ def compare(
     """
     progress(f"learning what the model misses on {len(reference.trials)} trials of the reference")
     missed, there = _missed(reference, plain), _missed(data, plain)
-    law = learn(missed)
+    law = learn(missed, _unrepeated_deg(reference))
     common, unvisited = law.predict(there), law.unvisited(there)
     predicted = [t.angle_deg - s.missed for t, s in zip(reference.trials, missed, strict=True)]
-    spectrum, scattered = noise_of(law, missed, predicted, common)
+    stands = _stands(reference, data, there, common, unvisited)
+    unvisited = [
+        rows | rows_of(found, rows.size) for rows, found in zip(unvisited, stands, strict=True)
+    ]
+    angle_deg = _best(common, unvisited)
+    spectrum, scattered = noise_of(law, missed, predicted, angle_deg)
     rest = max(_bent_at_rest(trial, plain) for trial in data.trials) if _zeroed(data) else 0.0
     zeroed = [t for each in (reference, data) if _zeroed(each) for t in each.trials]
     moving = max(map(_moved_before, zeroed), default=0.0)
     beyond = Beyond(
         angle=spectrum,
         scatter=replace(scattered, rest_deg=_together(scattered.rest_deg, rest, moving)),
-        angle_deg=_together(law.left_rms, uncertain(common), moving),
+        day=TYPICAL,
+        zero_deg=_together(rest, moving),
+        angle_deg=angle_deg,
+        repeats=law.repeats,
         read_deg=largest_deg(reference.trials),
         unvisited=float(np.mean(np.concatenate(unvisited))),
         usual=tuple(
-            (mean, np.where(rows, float(np.abs(trial.angle_deg).max()), deviation))
-            for trial, (mean, deviation), rows in zip(data.trials, common, unvisited, strict=True)
+            Foreseen(mean, deviation, rows)
+            for (mean, deviation), rows in zip(common, unvisited, strict=True)
         ),
     )
     trials, of_pressure = data.trials, None
     if plain.signal == "command" and all(map(shows_drive, (*reference.trials, *data.trials))):
         lost = [lost_in_drive(trial) for trial in reference.trials]
-        of_pressure = learn(lost)
+        of_pressure = learn(lost, unrepeated_kpa(lost))
         usual = of_pressure.predict([lost_in_drive(trial) for trial in data.trials])
+        expected_kpa = expected(of_pressure, usual)
         beyond = replace(
             beyond,
-            pressure=noise_of(of_pressure, lost, [s.input for s in lost], usual)[0],
-            pressure_kpa=float(np.hypot(of_pressure.left_rms, uncertain(usual))),
+            pressure=noise_of(of_pressure, lost, [s.input for s in lost], expected_kpa)[0],
+            pressure_kpa=expected_kpa,
         )
         trials = tuple(
             replace(t, pressure_kpa=_of(t.pressure_kpa) - mean)
@@ -206,7 +231,9 @@ def compare(
         progress=progress,
         beyond=beyond,
     )
-    if beyond.says_nothing:
+    standing = tuple(each for found in stands for each in found)
+    change = with_still(change, standing, sum(rows.size for rows in unvisited))
+    if beyond.says_nothing and not standing:
         where = replace(change.where, stage=None, not_known=_NOT_COMPARED, assumed=None)
         change = replace(change, where=where)
     model = replace(change.model, extra={**plain.extra, **change.model.extra})
@@ -219,7 +246,38 @@ def compare(
         common=tuple(mean for mean, _ in common),
         unvisited=beyond.unvisited,
         model=model,
+        standing=standing,
+        sigma=tuple(
+            np.where(nowhere, np.nan, np.hypot(own, _of_a_day(trial, signal, mean)))
+            for trial, signal, (mean, own), nowhere in zip(
+                data.trials, there, common, unvisited, strict=True
+            )
+        ),
     )
+
+
+def _of_a_day(trial: Trial, signal: Signal, mean: Floats) -> Floats:
+    """Say by how much one day's angles differ from another's, at each row, deg."""
+    foreseen = trial.angle_deg - signal.missed + mean
+    return np.asarray(np.hypot(TYPICAL.gain * foreseen, TYPICAL.rest_deg))
+
+
+def _stands(
+    reference: CampaignData,
+    data: CampaignData,
+    there: Sequence[Signal],
+    common: Sequence[tuple[Floats, Floats]],
+    unvisited: Sequence[NDArray[np.bool_]],
+) -> tuple[tuple[Still, ...], ...]:
+    """Find where the reading stands still by trial, as far as the reference says what to expect."""
+    foreseen, deviation = [], []
+    for trial, signal, (mean, own), nowhere in zip(
+        data.trials, there, common, unvisited, strict=True
+    ):
+        foreseen.append(trial.angle_deg - signal.missed + mean)
+        own = np.hypot(own, _of_a_day(trial, signal, mean))
+        deviation.append(np.where(nowhere, np.inf, own))
+    return still(reference, data, [signal.input for signal in there], foreseen, deviation)
 
 
 def _bent_at_rest(trial: Trial, plain: Model) -> float:
@@ -293,28 +351,47 @@ def lost_in_drive(trial: Trial) -> Signal:
     return Signal(trial.started_s, trial.t_s, acting, pressure - acting)
 
 
-def uncertain(found: Sequence[tuple[Floats, Floats]]) -> float:
-    """RMS of the law's own standard deviation where it was asked."""
-    return float(np.sqrt(np.mean(np.concatenate([deviation for _, deviation in found]) ** 2)))
+def expected(law: FadingMemoryLaw, found: Sequence[tuple[Floats, Floats]]) -> float:
+    """RMS of what a law lets expect that it misses where it was asked, or missed before."""
+    deviation = np.concatenate([each for _, each in found])
+    return max(float(np.sqrt(np.mean(deviation**2))), law.left_rms)
+
+
+def _best(found: Sequence[tuple[Floats, Floats]], unvisited: Sequence[NDArray[np.bool_]]) -> float:
+    """Return the harmonic mean of the variances that are foreseen, as a deviation, deg."""
+    deviation = np.concatenate([each for _, each in found])
+    known = ~np.concatenate(unvisited)
+    if not known.any():
+        known[:] = True
+    return float(np.mean(deviation[known] ** -2.0) ** -0.5)
+
+
+def _unrepeated_deg(reference: CampaignData) -> float:
+    """Say what repeats of a trial of some campaign differ by, where none is there to show it."""
+    angle = np.concatenate([trial.angle_deg for trial in reference.trials])
+    coloured = TYPICAL_DEG * np.sqrt(CORRELATION_S.size)
+    return _together(coloured, TYPICAL.gain * float(np.sqrt(np.mean(angle**2))))
+
+
+def unrepeated_kpa(lost: Sequence[Signal]) -> float:
+    """Say the same of the pressure that a drive makes of a command."""
+    command = np.concatenate([signal.input for signal in lost])
+    return max(TYPICAL.gain * float(np.sqrt(np.mean(command**2))), _WHITE)
 
 
 def noise_of(
-    law: FadingMemoryLaw,
-    signals: Sequence[Signal],
-    shapes: Sequence[Floats],
-    found: Sequence[tuple[Floats, Floats]],
+    law: FadingMemoryLaw, signals: Sequence[Signal], shapes: Sequence[Floats], size: float
 ) -> tuple[Spectrum, Scatter]:
     """Estimate the noise that the law's own misses are on trials it did not learn from.
 
-    `shapes` are what a gain of a trial's own would multiply.
+    Each is taken over what was expected there, and made as large as `size`. `shapes` are what a
+    gain of a trial's own would multiply.
     """
     differences = [
-        misfit(signal.t_s, left, shape)
-        for signal, left, shape in zip(signals, law.left, shapes, strict=True)
+        misfit(signal.t_s, size / deviation * left, size / deviation * shape)
+        for signal, left, deviation, shape in zip(
+            signals, law.left, law.expected, shapes, strict=True
+        )
     ]
     spectrum = estimate(differences, _WHITE)
-    # Where nothing like it was seen, the law is as wrong as it may be, and slowly.
-    total = max(float(spectrum.coloured.sum()), 1e-12)
-    more = 1.0 + uncertain(found) ** 2 / total
-    wider = replace(spectrum, white=0.0, coloured=spectrum.coloured * more)
-    return wider, scatter(differences, spectrum, TYPICAL)
+    return replace(spectrum, white=0.0), scatter(differences, spectrum, TYPICAL)

@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
-from spa_fo.compare.compare import Comparison, lost_in_drive, noise_of, shows_drive, uncertain
+from spa_fo.compare.compare import (
+    Comparison,
+    expected,
+    lost_in_drive,
+    noise_of,
+    shows_drive,
+    unrepeated_kpa,
+)
 from spa_fo.compare.fading_memory import learn
 from spa_fo.errors import BadInput
 from spa_fo.gap.answer.findings import drive_finding
@@ -86,21 +93,22 @@ def compare_pressure(
                 )
     progress(f"learning what the drive does in {len(reference.trials)} trials of the reference")
     lost, there = ([lost_in_drive(trial) for trial in each.trials] for each in (reference, data))
-    law = learn(lost)
+    law = learn(lost, unrepeated_kpa(lost))
     usual = law.predict(there)
-    spectrum, _ = noise_of(law, lost, [signal.input for signal in lost], usual)
+    beside_kpa = expected(law, usual)
+    spectrum, _ = noise_of(law, lost, [signal.input for signal in lost], beside_kpa)
     common = tuple(mean for mean, _ in usual)
     changed = [_without(trial, mean) for trial, mean in zip(data.trials, common, strict=True)]
     evidence = _pressure_for_angle(collect(replace(data, trials=tuple(changed))))
     held = hold_out(evidence, np.random.default_rng(seed))
     read = max(resolution(evidence) / np.sqrt(12.0), evidence.pressure_noise_kpa)
-    expected = float(np.sqrt(law.left_rms**2 + uncertain(usual) ** 2 + read**2))
+    expected_kpa = float(np.hypot(beside_kpa, read))
     fitted = replace(evidence, takes_part=~held.trials)
     progress(f"explaining {fitted.takes_part.sum()} trials")
     x = _stand_in(data)
     drive = examine_drive(fitted, excluded, x.transfer_function.as_array(), spectrum)
     drive = replace(drive, gap_deg=drive.gap_kpa)
-    change = _said(evidence, held, drive, x, tuple(excluded), expected, seed)
+    change = _said(evidence, held, drive, x, tuple(excluded), expected_kpa, seed)
     unvisited = float(np.mean(np.concatenate(law.unvisited(there))))
     return Comparison(reference, data, change, None, law, common, unvisited, None)
 

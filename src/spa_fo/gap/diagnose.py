@@ -21,15 +21,16 @@ from spa_fo.gap.claim.claimed import (
     Claim,
     beyond_expected,
     claim,
+    differs,
     exact,
     held_to,
     model_of,
     not_compared,
     on_all_trials,
     times_expected,
-    times_missed,
     times_missed_of_drive,
     too_large_for_none,
+    unnamed,
 )
 from spa_fo.gap.data.hold_out import rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
@@ -134,6 +135,9 @@ def diagnose(
     answer = _answered(data, plain, excluded, seed, progress, beyond)
     (examined, claimed, verdict), missing = _with_laws(answer, seed, progress)
     everything, floor, nominal = examined.everything, examined.floor_deg, examined.nominal
+    sizes = _gap_deg(examined, claimed), floor
+    if beyond is not None:
+        sizes = differs(everything, claimed.curves["plain"], beyond)
     noise, curves, measured = examined.found.bench.noise, claimed.curves, everything.grid.angle_deg
     repeated = noise.spectrum.repeats > 0
     final = None
@@ -149,7 +153,11 @@ def diagnose(
     steps = next_steps(verdict.kind, verdict.sets, causes, everything, floor)
     # Between two campaigns what makes a part doubtful says nothing of where; a law here does.
     first = verdict if beyond is None else examined.verdict
-    arises = stages(examined, verdict, first, curves["plain"])
+    expected = None if beyond is None else beyond.variance(everything, curves["plain"])
+    closed = 0.0
+    if beyond is not None and verdict.sets:
+        closed = claimed.closed.get(verdict.sets[0], 0.0)
+    arises = stages(examined, verdict, first, curves["plain"], expected, closed)
     located = shares(everything, measured - curves["plain"], curves["plain"])
     return Diagnosis(
         campaign=data.campaign.name,
@@ -158,8 +166,8 @@ def diagnose(
         seed=seed,
         excluded=examined.excluded,
         gap=Gap(
-            rmse_deg=_gap_deg(examined, claimed),
-            noise_floor_deg=floor,
+            rmse_deg=sizes[0],
+            noise_floor_deg=sizes[1],
             significant=verdict.kind != "no_gap",
             p_value=p_value(verdict),
             repeats=repeated,
@@ -211,14 +219,13 @@ def _answered(
             verdict = too_large_for_none(verdict)
     else:
         verdict = alone_if_rare(verdict)
-        missed = times_missed(examined.everything, claimed.curves["plain"], beyond)
+        size, expected = differs(examined.everything, claimed.curves["plain"], beyond)
         of_drive = times_missed_of_drive(examined.everything, beyond)
-        verdict = beyond_expected(verdict, missed, of_drive, claimed)
-        if _gap_deg(examined, claimed) > CLEARLY * examined.floor_deg:
-            # Also where the reference never went: what nobody knows of is not nothing.
-            verdict = too_large_for_none(verdict, claimed)
+        verdict = beyond_expected(verdict, size / expected, of_drive, claimed)
         if beyond.says_nothing:
             verdict = not_compared(verdict)
+        elif beyond.says_little:
+            verdict = unnamed(verdict)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
     return examined, claimed, verdict

@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from spa_fo.atomic import filling, write_text
@@ -41,13 +42,15 @@ from spa_fo.rig import CampaignData, Trial
 
 PAGE, DOCUMENT, MODEL = "comparison.md", "comparison.json", "augmented_model.json"
 _MOST_PANELS = 3
+_TWO = 2.0  # standard deviations
 _BOTH = {"angle": "What the model misses in both", "pressure": "What the drive does in both"}
 _FAINT: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35}
 _CAPTIONS = {
     "measured": "Both campaigns as measured, drawn over each other: angle above, pressure below; "
     "faint lines are further trials.",
     "change": "What is left of the campaign when what the model misses on the reference, too, is "
-    "taken off. The band is as wide as that is known to; what leaves it has changed.",
+    "taken off. The band, of two standard deviations, is what it may differ by without any change; "
+    "where there is none, the reference never was, or the reading stands still.",
 }
 
 _OF_PRESSURE = {
@@ -131,6 +134,10 @@ def answer(comparison: Comparison) -> tuple[str, str]:
     if comparison.kind == "ambiguous":
         text = joined(sets, "and")
         return f"Something changed, and these data cannot tell apart {text}.", sizes
+    if comparison.standing and not found.sets:
+        number = len(comparison.standing)
+        often = "" if number == 1 else f", {number} times"
+        return f"What changed: the reading stands still while the actuator moves{often}.", sizes
     chance = percent(probability(document, ["unknown"]))
     part = f"; a part is like {phrase(found.sets[0])}" if found.sets else ""
     return f"Something changed that no effect of the library explains ({chance}){part}.", sizes
@@ -256,6 +263,15 @@ def trials_of(data: CampaignData, experiment: str) -> list[Trial]:
     return own or [trial for trial in data.trials if trial.experiment == first]
 
 
+def _band(axes: Axes, comparison: Comparison, label: str) -> None:
+    """Draw by how much a trial may differ without any change, where that is known."""
+    for trial, sigma in zip(comparison.data.trials, comparison.sigma, strict=True):
+        if trial.label == label:
+            ends = -_TWO * sigma, _TWO * sigma
+            look: dict[str, Any] = {"color": GREY, "alpha": 0.3, "linewidth": 0}
+            axes.fill_between(trial.t_s, *ends, **look, label="nothing changed")
+
+
 @styled
 def change_figure(comparison: Comparison) -> Figure:
     """Draw what is left of the campaign without what the reference lets expect."""
@@ -264,10 +280,13 @@ def change_figure(comparison: Comparison) -> Figure:
     shown = experiments(traces, _MOST_PANELS)
     figure = new_figure(TWO_COLUMNS_IN, 2.6, [[e.name for e in shown]])
     for axes, e in zip(figure.axes, shown, strict=True):
-        axes.axhspan(-floor, floor, color=GREY, alpha=0.3, linewidth=0, label="nothing changed")
+        if not comparison.sigma:
+            axes.axhspan(-floor, floor, color=GREY, alpha=0.3, linewidth=0, label="nothing changed")
         for trial in e.trials:
             own = traces.trial == trial
             last = trial == e.shown
+            if last and comparison.sigma:
+                _band(axes, comparison, traces.label[trial])
             left = traces.measured_deg[own] - traces.plain_deg[own]
             axes.plot(
                 traces.time_s[own],

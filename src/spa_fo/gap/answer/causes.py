@@ -54,12 +54,28 @@ def p_value(verdict: Verdict) -> float:
     return float(min(1.0, odds * verdict.none / max(1.0 - verdict.none, 1e-300)))
 
 
-def stages(examined: Examined, verdict: Verdict, first: Verdict, plain_deg: Floats) -> StageShares:
+def stages(
+    examined: Examined,
+    verdict: Verdict,
+    first: Verdict,
+    plain_deg: Floats,
+    expected: Floats | None = None,
+    closed: float = 0.0,
+) -> StageShares:
     """Share the gap out to stages: by what explains it, or else by where it is seen.
 
-    `first` says how probable each explanation was before what tells nothing of where.
+    `first` says how probable each explanation was before what tells nothing of where; `expected`,
+    (n,), is the variance of what is no change between two campaigns: the less of it the more a
+    sample says. `closed` is what a part that is named is known to close of what changed: what it
+    stands in for is there, too.
     """
     everything = examined.everything
+    no_gap = np.zeros(plain_deg.size) if expected is None else expected
+    weights = None if expected is None else everything.grid.counts / expected**2
+
+    def excess(left_deg: Floats) -> float:
+        return max(float(np.average(left_deg**2 - no_gap, weights=weights)), 0.0)
+
     grid, fixture = everything.grid, everything.fixture
     if verdict.kind == "no_gap":
         return StageShares(dict.fromkeys(STAGES, 0.0))
@@ -72,15 +88,16 @@ def stages(examined: Examined, verdict: Verdict, first: Verdict, plain_deg: Floa
         # With the measured pressure for the command, what vanishes was the drive's.
         chain = angle_chain(everything, examined.given, grid.pressure_kpa)
         driven, _ = chain.run(examined.given, absent())
-        drive = float(np.mean((driven - plain_deg) ** 2))
+        drive = float(np.average((driven - plain_deg) ** 2, weights=weights))
         rest_deg = grid.angle_deg - driven
-    elif fixture is None and not verdict.sets:
-        why = _DRIVEN_BY_PRESSURE if grid.command_kpa is None else _NOT_KNOWN
-        return StageShares(None, not_known=why)
-    rest, sensor = float(np.mean(rest_deg**2)) + 1e-9, 0.0
+    elif fixture is None and not verdict.sets and by_command:
+        return StageShares(None, not_known=_NOT_KNOWN)
+    elif fixture is None and not verdict.sets and expected is None:
+        return StageShares(None, not_known=_DRIVEN_BY_PRESSURE)
+    rest, sensor = excess(rest_deg) + 1e-9, 0.0
     if fixture is not None:
-        excess = float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2))
-        sensor = min(max(excess, 0.0), rest)
+        misread = float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2))
+        sensor = min(max(misread, 0.0), rest)
     # What nothing shows elsewhere counts as the actuator's.
     squares = {"actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
     if verdict.sets:
@@ -90,9 +107,10 @@ def stages(examined: Examined, verdict: Verdict, first: Verdict, plain_deg: Floa
         # trials refuted an explanation, it counts as unknown.
         beyond = max(1.0 - known["drive"], 1e-9)
         weight = _stood(first, {one.named for one in verdict.scored if one.probability})
+        weight = max(weight, min(closed, 1.0))
         for stage in squares:
-            square = known[stage] / beyond * rest
-            squares[stage] += weight * (square - squares[stage])
+            own = known[stage] / beyond * rest
+            squares[stage] += weight * (own - squares[stage])
     squares["drive"] = drive
     total = sum(squares.values())
     shares: dict[str, float] = {stage: squares[stage] / total for stage in STAGES}

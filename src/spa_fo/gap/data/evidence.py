@@ -55,6 +55,7 @@ class Evidence:
     drift_angle_deg: Floats  # (m,): at which angles
     drift_after: Integers  # (m,): how many trials came before
     usual: Usual | None = None  # what a reference says that the model misses
+    foreseen_deg: Floats | None = None  # (n,): how well a reference knows that, 1 sigma
     read_deg: float = 0.0  # largest angle that a reference has read
 
     @cached_property
@@ -264,33 +265,49 @@ def angle_chain(evidence: Evidence, x: Floats, pressure_kpa: Floats | None) -> C
     return replace(chain, usual=evidence.usual)
 
 
+@dataclass(frozen=True)
+class Foreseen:
+    """What a reference says of one trial, at its rows."""
+
+    missed_deg: Floats  # by the model, in both campaigns
+    deviation_deg: Floats  # of that, 1 sigma
+    unvisited: NDArray[np.bool_]  # where the reference never was: nobody knows
+
+
 def with_usual(
-    evidence: Evidence, usual: Sequence[tuple[Floats, Floats]], given: Floats
+    evidence: Evidence, usual: Sequence[Foreseen], given: Floats, read_deg: float
 ) -> Evidence:
     """Let the simulator start from what the given model is known to miss.
 
-    Where that is hardly known, as no trial of a reference went there, a sample says little.
+    Where that is not known, as no trial of a reference went there, a sample says next to nothing.
 
     Parameters
     ----------
     evidence, given : Evidence, (5,) array
         A campaign, and the model's coefficients.
-    usual : sequence of pairs of (rows,) arrays
-        By trial of the campaign's data, at its rows: what is missed, and its standard deviation.
+    usual : sequence of Foreseen
+        By trial of the campaign's data.
+    read_deg : float
+        Largest angle that the reference has read.
     """
     grid = evidence.grid
+    anything = max(largest_deg(grid.trials), read_deg)
     angle = np.zeros(grid.level.size)
-    squares = []
+    squares, doubt = [], []
     by_order = {t.order: each for t, each in zip(evidence.data.trials, usual, strict=True)}
     for i, trial in enumerate(grid.trials):
-        mean, deviation = by_order[trial.order]
-        squares.append(deviation[~trial.after_reset] ** 2)
-        own = slice(grid.step_starts[i], grid.step_starts[i] + grid.trial_steps[i])
-        angle[own] = np.interp(np.cumsum(STEPS_S[grid.level[own]]), trial.t_s, mean)
+        own, kept = by_order[trial.order], ~trial.after_reset
+        squares.append(own.deviation_deg[kept] ** 2)
+        doubt.append(np.where(own.unvisited, anything, 0.0)[kept] ** 2)
+        steps = slice(grid.step_starts[i], grid.step_starts[i] + grid.trial_steps[i])
+        ends_s = np.cumsum(STEPS_S[grid.level[steps]])
+        angle[steps] = np.interp(ends_s, trial.t_s, own.missed_deg)
     return replace(
         evidence,
         usual=Usual(angle, static_gain(given)),
-        variance=evidence.variance + grid.averaged(np.concatenate(squares)),
+        read_deg=read_deg,
+        foreseen_deg=np.sqrt(grid.averaged(np.concatenate(squares))),
+        variance=evidence.variance + grid.averaged(np.concatenate(doubt)),
     )
 
 

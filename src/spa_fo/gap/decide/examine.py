@@ -78,8 +78,7 @@ def examine(
         nominal, drive, everything = with_nominal(data, everything, held, excluded, given)
         expected_kpa = nominal.fit.left_out_kpa
     if beyond is not None and beyond.usual:
-        everything = with_usual(everything, beyond.usual, given)
-        everything = replace(everything, read_deg=beyond.read_deg)
+        everything = with_usual(everything, beyond.usual, given, beyond.read_deg)
     if everything.grid.command_kpa is None:
         drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
@@ -106,7 +105,9 @@ def examine(
     if not noise.spectrum.repeats:
         floor = noise.floor_deg(everything.grid.angle_deg)
     if beyond is not None:
-        floor = max(floor, beyond.angle_deg)
+        floor = float(
+            np.sqrt(1.0 / np.mean(1.0 / beyond.variance(everything, everything.grid.angle_deg)))
+        )
     progress(f"weighing {len(found.fits)} explanations")
     fast = NONE if at_port("line") in excluded else fast_line(evidence)
     drive_floor = None

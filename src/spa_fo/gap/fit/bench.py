@@ -66,17 +66,23 @@ class Bench:
         """
         rows, spectrum, scatter = self.whitening.rows, self.noise.spectrum, self.noise.scatter
         expected = (scatter.gain * rows.merged(predicted_deg)) ** 2
-        expected += spectrum.coloured.sum() + scatter.rest_deg**2
+        times = 1.0 if self.whitening.times is None else self.whitening.times
+        expected += spectrum.coloured.sum() * times**2 + scatter.rest_deg**2
         for group in rows.groups:
             expected[group.rows] += spectrum.white / group.count
         size = local_size(rows, rows.merged(residual_deg) ** 2 - expected)
-        return replace(self, whitening=Whitening(rows, spectrum, size, self.whitening.hidden))
+        return replace(self, whitening=replace(self.whitening, gap=size))
 
     def without(self, trials: NDArray[np.bool_]) -> Bench:
         """Return the bench of all trials but some, (trials,) bool."""
         evidence = replace(self.evidence, takes_part=~trials)
         rows = rows_of(evidence)
-        none = replace(self.whitening, rows=rows, gap=np.zeros(rows.size))
+        none = replace(
+            self.whitening,
+            rows=rows,
+            gap=np.zeros(rows.size),
+            times=_times_foreseen(evidence, rows, self.noise),
+        )
         return replace(self, evidence=evidence, whitening=none)
 
     @property
@@ -139,7 +145,13 @@ def bench_for(
     return Bench(
         evidence=evidence,
         noise=noise,
-        whitening=Whitening(rows, noise.spectrum, np.zeros(rows.size), hidden_deg(evidence)),
+        whitening=Whitening(
+            rows,
+            noise.spectrum,
+            np.zeros(rows.size),
+            hidden_deg(evidence),
+            _times_foreseen(evidence, rows, noise),
+        ),
         chain=angle_chain(evidence, to_x(centre), pressure_kpa),
         scales=np.array(scales),
         given=to_z(given),
@@ -147,6 +159,13 @@ def bench_for(
         coefficients=coefficients,
         own=own,
     )
+
+
+def _times_foreseen(evidence: Evidence, rows: Rows, noise: BenchNoise) -> Floats | None:
+    """Say how many times as large the noise is at each row, (rows,), as a reference foresees it."""
+    if evidence.foreseen_deg is None or not noise.foreseen_deg:
+        return None
+    return rows.merged(evidence.foreseen_deg) / noise.foreseen_deg
 
 
 def hidden_deg(evidence: Evidence) -> float:

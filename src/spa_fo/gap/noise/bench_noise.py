@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import expit, logsumexp, softmax
 
-from spa_fo.gap.data.evidence import Evidence, Repeats, angle_chain, repeats
+from spa_fo.gap.data.evidence import Evidence, Foreseen, Repeats, angle_chain, repeats
 from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.noise.coloured import (
     CORRELATION_S,
@@ -56,7 +56,8 @@ class BenchNoise:
     spectrum: Spectrum  # within a trial
     scatter: Scatter  # from trial to trial
     fixture_deg: float | None  # error of a dwell's known angle; None where none was held twice
-    compared: bool = False  # whether a reference says what is to be expected beside it
+    compared: bool = False  # whether a reference says what is to be expected
+    foreseen_deg: float = 0.0  # how well it does where it does best, 1 sigma
     moving_nats: float = 0.0  # log evidence, of repeats alone, that zeros move and do not scatter
     zeros_deg: Floats | None = None  # (trials,): how they are expected to move, if known
 
@@ -81,11 +82,14 @@ class BenchNoise:
         if not self.spectrum.repeats:
             return ""
         noise_deg, own = self.spectrum.deviation_deg, self.scatter
+        what = "What a trial may differ by from what the reference lets expect"
+        if not self.compared:
+            what = "What repeated trials differ by"
         shares = self.spectrum.coloured / self.spectrum.coloured.sum()
         correlation_s = np.exp(shares @ np.log(CORRELATION_S))
         text = (
-            f"What repeated trials differ by: within a trial noise of {noise_deg:.2g}°, correlated "
-            f"over about {correlation_s:.1g} s; from trial to trial {100.0 * own.gain:.2g} % "
+            f"{what}: within a trial noise of {noise_deg:.2g}°, correlated over "
+            f"about {correlation_s:.1g} s; from trial to trial {100.0 * own.gain:.2g} % "
             f"in gain, {own.rest_deg:.2g}° at rest, {100.0 * own.time_scale:.2g} % in time scale."
         )
         if not self.is_ordinary:
@@ -97,19 +101,22 @@ class BenchNoise:
 
 NOWHERE = 0.9
 """Share of rows where the reference never was: beyond, there is nothing to compare. Assumed."""
+_MOSTLY = 0.5  # the same: beyond, too little is compared for a name. Assumed.
 
 
 @dataclass(frozen=True)
 class Beyond:
-    """What is to be expected beside a bench's own noise: what a learned correction misses."""
+    """What is to be expected of a campaign by its reference: what a learned correction misses."""
 
-    angle: Spectrum
-    scatter: Scatter  # from one campaign to another
-    angle_deg: float  # RMS of all of it
+    angle: Spectrum  # within a trial, where the reference foresees best
+    scatter: Scatter  # of single trials
+    day: Scatter  # from one campaign to another
+    angle_deg: float  # RMS of what a trial has within it, there
+    repeats: bool = False  # whether the reference did the same more than once
+    zero_deg: float = 0.0  # how unsure each log's own zero is, 1 sigma
     pressure: Spectrum | None = None  # kPa²; None where no pressure was logged
     pressure_kpa: float = 0.0  # RMS of all of it
-    # The correction itself, (rows,) by trial of the campaign, and how well it is known, deg.
-    usual: tuple[tuple[Floats, Floats], ...] = ()
+    usual: tuple[Foreseen, ...] = ()  # by trial of the campaign: the correction itself
     read_deg: float = 0.0  # largest angle that the reference has read
     unvisited: float = 0.0  # share of the campaign's rows where the reference never was
 
@@ -117,6 +124,20 @@ class Beyond:
     def says_nothing(self) -> bool:
         """Whether the reference was hardly ever where the campaign was."""
         return self.unvisited > NOWHERE
+
+    @property
+    def says_little(self) -> bool:
+        """Whether the reference was elsewhere for the most part."""
+        return self.unvisited > _MOSTLY
+
+    def variance(self, evidence: Evidence, angle_deg: Floats) -> Floats:
+        """Variance of what the campaign may differ by without any change, (n,), deg².
+
+        `angle_deg`, (n,), is what is predicted: by a share of it one day differs from another.
+        """
+        foreseen = self.angle_deg if evidence.foreseen_deg is None else evidence.foreseen_deg
+        day = (self.day.gain * angle_deg) ** 2 + self.day.rest_deg**2
+        return np.asarray(foreseen**2 + day + evidence.variance)
 
 
 def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> BenchNoise:
@@ -141,10 +162,16 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
         nats, moved = _moving(differences, spectrum)
         zeros_deg = expit(nats + log_prior((name,)) - log_prior(())) * moved
     scattered = scatter(differences, spectrum, TYPICAL, zeros_deg)
-    if beyond is not None:
-        spectrum, scattered = spectrum.beside(beyond.angle), scattered.beside(beyond.scatter)
     fixture_deg = dwell_error(evidence.data.calibrations)
-    return BenchNoise(spectrum, scattered, fixture_deg, beyond is not None, nats, zeros_deg)
+    if beyond is None:
+        return BenchNoise(spectrum, scattered, fixture_deg, moving_nats=nats, zeros_deg=zeros_deg)
+    own = Spectrum(evidence.noise_deg**2, np.zeros(CORRELATION_S.size))
+    if not beyond.repeats:
+        own, scattered = spectrum, scattered.beside(beyond.scatter)
+    else:  # a reading that came off in one of them is no noise
+        scattered = beyond.scatter
+    foreseen = own.beside(beyond.angle)
+    return BenchNoise(foreseen, scattered, fixture_deg, True, beyond.angle_deg)
 
 
 def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Differences | None:

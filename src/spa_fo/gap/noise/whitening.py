@@ -3,10 +3,11 @@
 Within a trial the noise is that of `coloured.Spectrum`. Trials that were run alike share what an
 explanation's form misses: a smooth error whose size goes with the gap about it,
 
-    V = κ² C + W + s² g gᵀ ∘ K,
+    V = κ² f fᵀ ∘ C + W + s² g gᵀ ∘ K,
 
-C and W being the coloured and the white noise, g the size of the gap at each row, K(t, t') a
-correlation over the time within a trial, κ the noise's level and s the share that is missed. What
+C and W being the coloured and the white noise, f 1 or what a reference says that it is times as
+large by, g the size of the gap at each row, K(t, t') a correlation over the time within a trial, κ
+the noise's level and s the share that is missed. What
 a converter's step hides is the same whenever the value is, so trials share it, too.
 """
 
@@ -127,6 +128,8 @@ class Whitening:
     gap: Floats  # (rows,): size of the gap at each row, deg
     # What a converter's step hides, 1 sigma: as long as the value stays, and in all repeats alike.
     hidden: float = 0.0
+    # (rows,): how many times as large the coloured noise is at each row; alike where None.
+    times: Floats | None = None
     _factors: dict[tuple[float, float], Factor] = field(default_factory=dict, init=False)
 
     @cached_property
@@ -136,6 +139,8 @@ class Whitening:
         for group in self.rows.groups:
             same = group.trial[:, None] == group.trial
             coloured = np.where(same, self.spectrum.coloured_covariance(group), 0.0)
+            if self.times is not None:
+                coloured *= np.outer(self.times[group.rows], self.times[group.rows])
             apart = np.abs(group.time_s[:, None] - group.time_s)
             coloured += self.hidden**2 * _mean_decay(apart, CORRELATION_S)
             kernel = _mean_decay(apart, MISSED_OVER_S)

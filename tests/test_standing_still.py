@@ -1,0 +1,101 @@
+"""A reading that stands still while the actuator moves, or is elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import campaigns
+from spa_fo.compare import compare
+from spa_fo.compare.standing_still import rows_of, still
+from spa_fo.identify import fit_campaign
+from spa_fo.report.change import answer
+from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> CampaignData:
+    folder = tmp_path_factory.mktemp("steps")
+    campaigns.step_campaign(folder, trials=3)
+    return read_trials(read_campaign(folder))
+
+
+def moving(angle_deg: np.ndarray) -> Any:
+    """A trial of 10 s with these readings."""
+    return cast(
+        Any,
+        replace(
+            cast(Trial, cast(Any, EMPTY)),
+            t_s=np.linspace(0.0, 10.0, angle_deg.size),
+            angle_deg=angle_deg,
+        ),
+    )
+
+
+EMPTY = Trial(
+    *("steps", 1, "step", None, 1, 0.0),
+    *(np.zeros(1), None, None, None, np.zeros(1)),
+    *(np.zeros(1, bool), np.zeros(1, bool)),
+)
+
+
+def found(angle: np.ndarray, foreseen: np.ndarray, usual: np.ndarray | None = None) -> list[slice]:
+    before = cast(
+        Any, type("Data", (), {"trials": (moving(foreseen if usual is None else usual),)})
+    )
+    after = cast(Any, type("Data", (), {"trials": (moving(angle),)}))
+    (stands,) = still(before, after, [foreseen], [foreseen], [np.full(angle.size, 0.5)])
+    return [each.rows for each in stands]
+
+
+SWING = 20.0 * np.sin(np.linspace(0.0, 6.0, 500)) + 0.01 * np.random.default_rng(1).normal(size=500)
+
+
+@pytest.mark.parametrize("value", [0.0, SWING[200]])
+def test_a_reading_that_hangs_is_seen_from_its_first_row_to_its_last(value: float) -> None:
+    angle = SWING.copy()
+    angle[200:300] = value
+    assert found(angle, SWING) == [slice(200, 300)]
+
+
+def test_neither_a_quiet_converter_nor_a_stop_is_a_reading_that_hangs() -> None:
+    coarse = np.round(SWING / 5.0) * 5.0
+    assert found(coarse, SWING, usual=coarse) == []
+    blocked = np.minimum(SWING, 12.0)
+    assert found(blocked, SWING) == []
+    short = SWING.copy()
+    short[200:205] = 0.0
+    assert found(short, SWING) == []
+
+
+def test_rows_are_those_of_all_stretches() -> None:
+    angle = SWING.copy()
+    angle[100:150] = angle[250:300] = 0.0
+    before = cast(Any, type("Data", (), {"trials": (moving(SWING),)}))
+    after = cast(Any, type("Data", (), {"trials": (moving(angle),)}))
+    (stands,) = still(before, after, [SWING], [SWING], [np.full(500, 0.5)])
+    assert np.flatnonzero(rows_of(stands, 500)).tolist() == [*range(100, 150), *range(250, 300)]
+
+
+def test_what_hangs_is_a_change_of_the_sensor_and_what_is_left_is_compared(
+    measured: CampaignData,
+) -> None:
+    first, second, *others = measured.trials
+    middle = slice(second.t_s.size // 3, 2 * second.t_s.size // 3)
+    angle = second.angle_deg.copy()
+    angle[middle] = angle[middle.start]
+    hung = replace(measured, trials=(first, replace(second, angle_deg=angle), *others))
+    model = fit_campaign(measured, bootstrap=None).model
+    assert compare(measured, measured, model).kind == "nothing_changed"
+    comparison = compare(measured, hung, model)
+    assert len(comparison.standing) == 1
+    assert comparison.kind == "unknown"
+    assert comparison.change.where.stage == pytest.approx(
+        {"drive": 0.0, "actuator": 0.0, "sensor": 1.0, "acquisition": 0.0}
+    )
+    assert "stands at" in comparison.change.findings[0]
+    assert "stands still" in answer(comparison)[0]
+    assert sum(cause.probability for cause in comparison.change.causes) == pytest.approx(1.0)
