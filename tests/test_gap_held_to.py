@@ -10,16 +10,14 @@ import numpy as np
 import pytest
 
 from spa_fo.gap.answer.causes import _stood
-from spa_fo.gap.claim.claimed import (
+from spa_fo.gap.claim.claimed import CLEARLY, Claim, held_to, times_expected, too_large_for_none
+from spa_fo.gap.claim.expected import (
     CHANGED,
-    CLEARLY,
-    Claim,
     beyond_expected,
     differs,
-    held_to,
     not_compared,
-    times_expected,
-    too_large_for_none,
+    unnamed,
+    with_equivalents,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.noise.bench_noise import Beyond
@@ -156,6 +154,23 @@ def test_what_closes_a_gap_that_is_too_large_for_none_is_a_part() -> None:
 def test_what_the_reference_never_saw_is_neither_the_same_nor_changed() -> None:
     found = not_compared(answer({(): 0.9, ("creep",): 0.05}, 0.05))
     assert (found.kind, found.sets, found.none, found.unknown) == ("unknown", (), 0.0, 1.0)
+
+
+def test_where_little_was_compared_nothing_has_a_name() -> None:
+    found = unnamed(answer({("creep",): 0.9, (): 0.04}, 0.06))
+    assert (found.kind, found.sets, found.none) == ("unknown", (), 0.04)
+    assert found.unknown == pytest.approx(0.96)
+
+
+def test_what_acts_alike_elsewhere_stands_if_it_closes_as_much() -> None:
+    found = answer({("sensor_creep",): 0.9, ("creep",): 0.05}, 0.05)
+    close, far = {("sensor_creep",): 0.9, ("creep",): 0.85}, {("sensor_creep",): 0.9}
+    both = with_equivalents(found, claims(close))
+    assert (both.kind, both.sets) == ("ambiguous", (("sensor_creep",), ("creep",)))
+    assert with_equivalents(found, claims({**far, ("creep",): 0.5})) == found
+    assert with_equivalents(found, claims(far)) == found
+    unknown = answer({("sensor_creep",): 0.2, ("creep",): 0.05}, 0.75)
+    assert with_equivalents(unknown, claims(close)) == unknown
 
 
 def examined(repeats: int, response: Any = None, fixture: Any = None) -> Any:

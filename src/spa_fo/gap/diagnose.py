@@ -19,18 +19,21 @@ from spa_fo.gap.claim.against_laws import against_laws, alone_if_rare
 from spa_fo.gap.claim.claimed import (
     CLEARLY,
     Claim,
-    beyond_expected,
     claim,
-    differs,
     exact,
     held_to,
     model_of,
-    not_compared,
     on_all_trials,
     times_expected,
-    times_missed_of_drive,
     too_large_for_none,
+)
+from spa_fo.gap.claim.expected import (
+    beyond_expected,
+    differs,
+    not_compared,
+    times_missed_of_drive,
     unnamed,
+    with_equivalents,
 )
 from spa_fo.gap.data.hold_out import rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
@@ -222,6 +225,8 @@ def _answered(
         size, expected = differs(examined.everything, claimed.curves["plain"], beyond)
         of_drive = times_missed_of_drive(examined.everything, beyond)
         verdict = beyond_expected(verdict, size / expected, of_drive, claimed)
+        if examined.everything.fixture is None:
+            verdict = with_equivalents(verdict, claimed)
         if beyond.says_nothing:
             verdict = not_compared(verdict)
         elif beyond.says_little:

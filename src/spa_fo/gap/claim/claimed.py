@@ -24,8 +24,6 @@ from spa_fo.gap.decide.explanation import (
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.fit.bench import DWELL, Bench
-from spa_fo.gap.fit.pressure import timing_error
-from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import fit, without_others
@@ -41,9 +39,6 @@ Ids = tuple[str, ...]
 
 CLEARLY = 3.0
 """Times what is expected, or what a reference says of the pressure: something is wrong."""
-CHANGED = 2.25
-"""Times what a reference lets expect of the angle: something has changed. Learned, like `_NONE`."""
-
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
 _LEAST_SHOWN = 0.1  # of the squared error: trials that show less of a gap still judge
@@ -214,107 +209,6 @@ def held_to(verdict: Verdict, claimed: Claim) -> Verdict:
     return replace(again, kind="unknown" if unknown or not sets else kind, sets=tuple(sets))
 
 
-def beyond_expected(
-    verdict: Verdict,
-    size: float,
-    drive_size: float | None = None,
-    claimed: Claim | None = None,
-) -> Verdict:
-    """Hold an answer against the size of the gap, over that of what a reference lets expect.
-
-    Beyond `CHANGED`, of the drive `CLEARLY`, something has changed, whatever it is; a smaller gap
-    is one, and has a name, only as far as it is on the way there from what is expected.
-
-    Parameters
-    ----------
-    verdict : Verdict
-        The answer.
-    size : float
-        That ratio, of the angle; see `differs`.
-    drive_size : float, optional
-        The same of the pressure, which shows effects of the drive by itself; None where it was not
-        measured.
-    claimed : Claim, optional
-        What sets close of it; without one no set is a part of what is not expected.
-    """
-    something = max(_way(size, CHANGED), float((drive_size or 0.0) > CLEARLY))
-    if something == 1.0:
-        verdict = _something(too_large_for_none(verdict, claimed))
-    shares = {s.named: _trust(s.named, size, drive_size) for s in verdict.scored if s.named}
-    lost = sum(s.probability * (1.0 - shares[s.named]) for s in verdict.scored if s.named)
-    if not lost and something == 1.0:
-        return verdict
-    unknown = something * (verdict.unknown + lost)
-    more = verdict.unknown + lost - unknown
-    scored = [
-        replace(s, probability=shares[s.named] * s.probability if s.named else s.probability + more)
-        for s in verdict.scored
-    ]
-    scored.sort(key=lambda s: -s.probability)
-    again = judge(scored, unknown, verdict.unknown_drive)
-    sets = tuple(named for named in again.sets if named in verdict.sets)
-    if again.kind == "no_gap":
-        return again
-    return replace(
-        again, kind=again.kind if sets and verdict.kind != "unknown" else "unknown", sets=sets
-    )
-
-
-def _something(verdict: Verdict) -> Verdict:
-    """Condition what is probable on that something has changed."""
-    rest = verdict.unknown + sum(s.probability for s in verdict.scored if s.named)
-    scored = [
-        replace(s, probability=s.probability / rest if s.named else 0.0) for s in verdict.scored
-    ]
-    scored.sort(key=lambda s: -s.probability)
-    return replace(verdict, scored=tuple(scored), unknown=verdict.unknown / rest, none=0.0)
-
-
-def _trust(named: Ids, size: float, drive_size: float | None) -> float:
-    """Say how far a set may have its name: as far as each of its parts shows clearly."""
-    return min(
-        _way(size, CHANGED)
-        if drive_size is None or LIBRARY[name].stage != "drive"
-        else _way(drive_size, CLEARLY)
-        for name in named
-    )
-
-
-def _way(size: float, whole: float) -> float:
-    """Say how far a size is on the way from what is expected to what is clear."""
-    return float(np.clip((size - 1.0) / (whole - 1.0), 0.0, 1.0))
-
-
-def differs(everything: Evidence, plain_deg: Floats, beyond: Beyond) -> tuple[float, float]:
-    """Give by how much a campaign differs from what its reference lets expect, and may, RMS, deg.
-
-    No trial took part in learning that, so all of them say it. Samples count the less the less is
-    known of them: of a ratio of squares whose variances v differ, the least certain in 1/v². What a
-    log's own zero may be off is taken off before, as far as it is unsure.
-    """
-    grid = everything.grid
-    variance = beyond.variance(everything, plain_deg)
-    weights, left = grid.counts / variance**2, grid.angle_deg - plain_deg
-    expected = float(np.average(variance, weights=weights))
-    unsure = beyond.zero_deg**2 / (beyond.zero_deg**2 + expected)
-    for rows in everything.rows:
-        left[rows] -= unsure * np.average(left[rows], weights=weights[rows])
-    size = float(np.average(left**2, weights=weights))
-    return float(np.sqrt(size)), float(np.sqrt(expected))
-
-
-def times_missed_of_drive(everything: Evidence, beyond: Beyond) -> float | None:
-    """Give the same of the pressure; None where that was not compared."""
-    grid = everything.grid
-    if grid.measured_kpa is None or grid.command_kpa is None or not beyond.pressure_kpa:
-        return None
-    left = grid.measured_kpa - grid.sampled(grid.command_kpa)
-    expected = float(np.hypot(beyond.pressure_kpa, everything.pressure_noise_kpa))
-    # About a jump a sample says when the pressure changed, not how much.
-    weights = grid.counts / (1.0 + (timing_error(everything) / expected) ** 2)
-    return float(np.sqrt(np.average(left**2, weights=weights))) / expected
-
-
 def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdict:
     """Take no gap for an unknown cause where a gap is larger than all that is expected.
 
@@ -329,20 +223,6 @@ def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdic
     closed = {} if claimed is None else claimed.closed
     parts = [named for named in again.sets if closed.get(named, 0.0) >= SETTINGS.worth]
     return replace(again, sets=tuple(parts))
-
-
-def unnamed(verdict: Verdict) -> Verdict:
-    """Say of a change that it is there, and not what it is."""
-    named = sum(s.probability for s in verdict.scored if s.named)
-    scored = [replace(s, probability=0.0) if s.named else s for s in verdict.scored]
-    scored.sort(key=lambda s: -s.probability)
-    return replace(judge(scored, verdict.unknown + named, verdict.unknown_drive), sets=())
-
-
-def not_compared(verdict: Verdict) -> Verdict:
-    """Say that nothing is known of a campaign where its reference never was."""
-    scored = [replace(s, probability=0.0) for s in verdict.scored]
-    return replace(judge(scored, 1.0, 0.0), sets=())
 
 
 def times_expected(examined: Examined, plain_deg: Floats) -> float:
