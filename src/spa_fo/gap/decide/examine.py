@@ -15,6 +15,7 @@ from spa_fo.gap.decide.verdict import Verdict
 from spa_fo.gap.decide.weigh import decide
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.coefficients import error_of
+from spa_fo.gap.fit.own_model import fitted_to
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.interference import NONE, fast_line
 from spa_fo.gap.search.drive import Drive, examine_drive, joined
@@ -87,6 +88,8 @@ def examine(
     if evidence.has_pressure and drive is None:
         drive = examine_drive(evidence, excluded, given, pressure)
     own = plain.campaign == campaign.name and _IDENTIFIED in plain.extra
+    if beyond is None and not own:
+        own = fitted_to(everything, given)
     # What a model misses of its reference is expected beside it already.
     error_deg = error_of(plain) if beyond is None else 0.0
 

@@ -1,0 +1,66 @@
+"""Whether a model was fitted to the campaign that it is held against."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from blind.first_rig import write_case
+from blind_documents import document, read
+from spa_fo.gap.data.evidence import Evidence, angle_chain, collect
+from spa_fo.gap.data.searched import HIGHEST, LOWEST, to_x, to_z
+from spa_fo.gap.diagnose import diagnose
+from spa_fo.gap.fit.own_model import fitted_to, still_taken
+from spa_fo.plant import Model, TransferFunction, read_model
+from spa_fo.plant.effects.library import absent
+
+Floats = np.ndarray
+
+
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Model]:
+    """A campaign with an effect, and the model of its bare core."""
+    folder = tmp_path_factory.mktemp("bent")
+    write_case(document("stiffening", size=8.0), folder)
+    return folder / "campaign", read_model(folder / "model.json")
+
+
+def fitted(evidence: Evidence, start: Floats) -> Floats:
+    """Fit the coefficients by somebody else's least squares."""
+    weight = np.sqrt(evidence.grid.counts)
+
+    def left(z: Floats) -> Floats:
+        own = to_x(z)
+        curve, _ = angle_chain(evidence, own, None).run(own, absent())
+        return np.asarray(weight * (evidence.grid.angle_deg - curve))
+
+    first = np.clip(to_z(start), LOWEST + 1e-3, HIGHEST - 1e-3)
+    return to_x(least_squares(left, first, bounds=(LOWEST, HIGHEST)).x)
+
+
+def test_least_squares_leave_their_own_coefficients_nothing(bent: tuple[Path, Model]) -> None:
+    folder, core = bent
+    evidence = collect(read(folder))
+    given = core.transfer_function.as_array()
+    assert not fitted_to(evidence, given)
+    own = fitted(evidence, given)
+    assert fitted_to(evidence, own)
+    assert still_taken(evidence, own) < 0.1 * still_taken(evidence, given)
+
+
+def test_the_diagnosis_sees_by_itself_that_a_model_is_the_campaign_s_own(
+    bent: tuple[Path, Model],
+) -> None:
+    folder, core = bent
+    data = read(folder)
+    evidence = collect(data)
+    x = fitted(evidence, core.transfer_function.as_array())
+    nameless = replace(core, transfer_function=TransferFunction.from_array(x), extra={})
+    said = diagnose(data, nameless)
+    assert any("fitted to this campaign" in finding for finding in said.findings)
+    assert all("parameter_shift" not in ids for ids in said.sets)
+    assert not any("fitted to this" in each for each in diagnose(data, core).findings)
