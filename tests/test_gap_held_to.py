@@ -12,7 +12,7 @@ import pytest
 from spa_fo.gap.answer.causes import _stood
 from spa_fo.gap.claim.claimed import CLEARLY, Claim, held_to, times_expected, too_large_for_none
 from spa_fo.gap.claim.expected import (
-    CHANGED,
+    SURELY,
     beyond_expected,
     differs,
     not_compared,
@@ -91,42 +91,57 @@ def test_a_part_is_said_for_what_it_closes_elsewhere(closed: float, left: tuple[
     assert (held.kind, held.sets) == ("unknown", left)
 
 
+HALF = 1.5
+"""From which a change is as probable as not."""
+SURE = 1.0 + SURELY * (HALF - 1.0)
+
+
 def test_what_is_no_larger_than_expected_is_no_change() -> None:
-    verdict = beyond_expected(answer({("creep",): 0.95}, 0.05), 0.9)
+    verdict = beyond_expected(answer({("creep",): 0.95}, 0.05), 0.9, HALF)
     assert (verdict.kind, verdict.sets) == ("no_gap", ())
     drive = answer({("leak",): 0.95, (): 0.0}, 0.05)
-    assert beyond_expected(drive, 0.9, 3.5) == drive
-    assert beyond_expected(drive, 0.9).kind == "no_gap"
-    assert beyond_expected(drive, 0.9, 1.4).kind == "no_gap"
+    assert beyond_expected(drive, 0.9, HALF, 3.5) == drive
+    assert beyond_expected(drive, 0.9, HALF).kind == "no_gap"
+    assert beyond_expected(drive, 0.9, HALF, 1.4).kind == "no_gap"
 
 
 def test_what_is_hardly_larger_than_expected_has_a_name_in_part() -> None:
     found = answer({("creep",): 0.9, (): 0.04}, 0.06)
-    near = beyond_expected(found, 1.75)  # 0.6 of the way from 1 to CHANGED
+    way = 0.6
+    near = beyond_expected(found, 1.0 + way * (SURE - 1.0), HALF)
     assert (near.kind, near.sets) == ("cause", (("creep",),))
-    assert near.of(("creep",)).probability == pytest.approx(0.6 * 0.9)
-    lost = 0.06 + 0.4 * 0.9
-    assert near.unknown == pytest.approx(0.6 * lost)
-    assert near.none == pytest.approx(0.04 + 0.4 * lost)
-    assert beyond_expected(found, 1.25).kind == "no_gap"
-    assert beyond_expected(found, 2.2).kind == "cause"
-    surely = beyond_expected(found, CHANGED)
+    assert near.of(("creep",)).probability == pytest.approx(way * 0.9)
+    lost = 0.06 + (1.0 - way) * 0.9
+    assert near.unknown == pytest.approx(way * lost)
+    assert near.none == pytest.approx(0.04 + (1.0 - way) * lost)
+    assert beyond_expected(found, 1.0 + 0.2 * (SURE - 1.0), HALF).kind == "no_gap"
+    surely = beyond_expected(found, SURE, HALF)
     assert (surely.kind, surely.sets, surely.none) == ("cause", found.sets, 0.0)
     assert surely.of(("creep",)).probability == pytest.approx(0.9 / 0.96)
     assert surely.unknown == pytest.approx(0.06 / 0.96)
     drive = answer({("leak",): 0.95}, 0.05)
-    assert beyond_expected(drive, 1.5, CLEARLY + 0.01) == drive
-    assert beyond_expected(drive, 3.5, 1.5).kind == "unknown"
-    both = beyond_expected(answer({("leak", "creep"): 0.9}, 0.1), 2.8, 1.2)
+    assert beyond_expected(drive, 1.5, HALF, CLEARLY + 0.01) == drive
+    assert beyond_expected(drive, 3.5, HALF, 1.5).kind == "unknown"
+    both = beyond_expected(answer({("leak", "creep"): 0.9}, 0.1), 2.8, HALF, 1.2)
     assert both.of(("leak", "creep")).probability == pytest.approx(0.1 * 0.9)
 
 
 def test_what_is_far_larger_than_expected_is_a_change_whatever_it_is() -> None:
     none = answer({(): 0.9}, 0.1)
-    for sizes in ((3.1,), (0.9, 3.1)):
+    for sizes in ((3.1, HALF), (0.9, HALF, 3.1)):
         verdict = beyond_expected(none, *sizes)
         assert (verdict.kind, verdict.sets) == ("unknown", ())
-    assert beyond_expected(none, 0.9, 2.0).kind == "no_gap"
+    assert beyond_expected(none, 0.9, HALF, 2.0).kind == "no_gap"
+
+
+def test_the_fewer_trials_a_reference_has_the_larger_a_change_must_be() -> None:
+    quiet, nothing = Spectrum(0.0, np.zeros(6)), Scatter(0.0, 0.0, 0.0)
+    borders = [
+        Beyond(quiet, nothing, nothing, angle_deg=1.0, trials=trials).changed
+        for trials in (1, 2, 4, 1000)
+    ]
+    assert borders == sorted(borders, reverse=True)
+    assert borders[0] == pytest.approx(2.0 * borders[-1], rel=0.01)
 
 
 def test_a_gap_beyond_all_that_is_expected_is_none_of_it() -> None:
@@ -143,7 +158,7 @@ def test_what_closes_a_gap_that_is_too_large_for_none_is_a_part() -> None:
     part = claims({("creep",): 0.9})
     for found in (
         too_large_for_none(none, part),
-        beyond_expected(none, 3.1, claimed=part),
+        beyond_expected(none, 3.1, HALF, claimed=part),
     ):
         assert (found.kind, found.sets) == ("unknown", (("creep",),))
         assert found.unknown == pytest.approx(0.95)

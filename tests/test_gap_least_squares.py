@@ -13,6 +13,7 @@ from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit import least_squares as least_squares_module
 from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.fit.least_squares import Explained
+from spa_fo.gap.fit.minimise import Quadratic, minimise
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.plant.effects.effect import Parameter
 
@@ -225,3 +226,22 @@ def test_a_point_that_was_rejected_leaves_no_trace(monkeypatch: pytest.MonkeyPat
     # The columns that are held are those about each search's start, so those that move say it all.
     assert found.value == pytest.approx(alone.at.value)
     np.testing.assert_allclose(found.gradient, alone.at.gradient)
+
+
+def test_a_search_does_not_go_where_the_misfit_has_no_slopes() -> None:
+    """A value without slopes is no place to go on from; from such a start there is no search."""
+
+    def value(z: Floats) -> float:
+        return 0.5 * float((z - 3.0) @ (z - 3.0))
+
+    def quadratic(z: Floats) -> Quadratic:
+        slope = z - 3.0 if z[0] < 2.0 else np.array([np.nan])
+        return Quadratic(value(z), slope, np.eye(1))
+
+    low, high, metric = np.array([-10.0]), np.array([10.0]), np.eye(1)
+    found = minimise(value, quadratic, np.array([0.0]), low, high, 1e-6, 60, metric)
+    assert 1.0 < found.z[0] < 2.0
+    assert found.at.is_finite
+    nowhere = minimise(value, quadratic, np.array([2.5]), low, high, 1e-6, 60, metric)
+    assert nowhere.at.value == np.inf
+    assert nowhere.tried == 0

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, learn
-from spa_fo.compare.standing_still import Still, rows_of, still, with_still
+from spa_fo.compare.misread import Misread, misread, rows_of, with_misread
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Foreseen, largest_deg
 from spa_fo.gap.decide.examine import silent
@@ -73,8 +73,8 @@ class Comparison:
     model : Model or None
         Of the reference with the change in it; the plain one where nothing is named. None where no
         angle was logged: all that `change` says in degrees is in kPa then.
-    standing : tuple of Still
-        Where the reading of the second campaign stands still.
+    misread : tuple of Misread
+        Where the reading of the second campaign is none of an actuator's.
     sigma : tuple of arrays
         By trial of the second campaign: standard deviation of what it may differ by without any
         change, deg; NaN where the reference never was. Empty where no angle was logged.
@@ -88,7 +88,7 @@ class Comparison:
     common: tuple[Floats, ...]
     unvisited: float
     model: Model | None
-    standing: tuple[Still, ...] = ()
+    misread: tuple[Misread, ...] = ()
     sigma: tuple[Floats, ...] = ()
 
     @property
@@ -184,9 +184,9 @@ def compare(
     law = learn(missed, _unrepeated_deg(reference))
     common, unvisited = law.predict(there), law.unvisited(there)
     predicted = [t.angle_deg - s.missed for t, s in zip(reference.trials, missed, strict=True)]
-    stands = _stands(reference, data, there, common, unvisited)
+    wrong = _misread(reference, data, there, common, unvisited)
     unvisited = [
-        rows | rows_of(found, rows.size) for rows, found in zip(unvisited, stands, strict=True)
+        rows | rows_of(found, rows.size) for rows, found in zip(unvisited, wrong, strict=True)
     ]
     angle_deg = _best(common, unvisited)
     spectrum, scattered = noise_of(law, missed, predicted, angle_deg)
@@ -202,6 +202,7 @@ def compare(
         repeats=law.repeats,
         read_deg=largest_deg(reference.trials),
         unvisited=float(np.mean(np.concatenate(unvisited))),
+        trials=len(reference.trials),
         usual=tuple(
             Foreseen(mean, deviation, rows)
             for (mean, deviation), rows in zip(common, unvisited, strict=True)
@@ -231,9 +232,9 @@ def compare(
         progress=progress,
         beyond=beyond,
     )
-    standing = tuple(each for found in stands for each in found)
-    change = with_still(change, standing, sum(rows.size for rows in unvisited))
-    if beyond.says_nothing and not standing:
+    found = tuple(each for own in wrong for each in own)
+    change = with_misread(change, found, sum(rows.size for rows in unvisited))
+    if beyond.says_nothing and not found:
         where = replace(change.where, stage=None, not_known=_NOT_COMPARED, assumed=None)
         change = replace(change, where=where)
     model = replace(change.model, extra={**plain.extra, **change.model.extra})
@@ -246,7 +247,7 @@ def compare(
         common=tuple(mean for mean, _ in common),
         unvisited=beyond.unvisited,
         model=model,
-        standing=standing,
+        misread=found,
         sigma=tuple(
             np.where(nowhere, np.nan, np.hypot(own, _of_a_day(trial, signal, mean)))
             for trial, signal, (mean, own), nowhere in zip(
@@ -262,14 +263,14 @@ def _of_a_day(trial: Trial, signal: Signal, mean: Floats) -> Floats:
     return np.asarray(np.hypot(TYPICAL.gain * foreseen, TYPICAL.rest_deg))
 
 
-def _stands(
+def _misread(
     reference: CampaignData,
     data: CampaignData,
     there: Sequence[Signal],
     common: Sequence[tuple[Floats, Floats]],
     unvisited: Sequence[NDArray[np.bool_]],
-) -> tuple[tuple[Still, ...], ...]:
-    """Find where the reading stands still by trial, as far as the reference says what to expect."""
+) -> tuple[tuple[Misread, ...], ...]:
+    """Find by trial what is none of an actuator's readings, as far as the reference says it."""
     foreseen, deviation = [], []
     for trial, signal, (mean, own), nowhere in zip(
         data.trials, there, common, unvisited, strict=True
@@ -277,7 +278,8 @@ def _stands(
         foreseen.append(trial.angle_deg - signal.missed + mean)
         own = np.hypot(own, _of_a_day(trial, signal, mean))
         deviation.append(np.where(nowhere, np.inf, own))
-    return still(reference, data, [signal.input for signal in there], foreseen, deviation)
+    inputs = [signal.input for signal in there]
+    return misread(reference, data, inputs, foreseen, deviation)
 
 
 def _bent_at_rest(trial: Trial, plain: Model) -> float:

@@ -224,7 +224,7 @@ def _answered(
         verdict = alone_if_rare(verdict)
         size, expected = differs(examined.everything, claimed.curves["plain"], beyond)
         of_drive = times_missed_of_drive(examined.everything, beyond)
-        verdict = beyond_expected(verdict, size / expected, of_drive, claimed)
+        verdict = beyond_expected(verdict, size / expected, beyond.changed, of_drive, claimed)
         if examined.everything.fixture is None:
             verdict = with_equivalents(verdict, claimed)
         if beyond.says_nothing:

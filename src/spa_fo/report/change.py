@@ -50,7 +50,7 @@ _CAPTIONS = {
     "faint lines are further trials.",
     "change": "What is left of the campaign when what the model misses on the reference, too, is "
     "taken off. The band, of two standard deviations, is what it may differ by without any change; "
-    "where there is none, the reference never was, or the reading stands still.",
+    "where there is none, the reference never was, or no actuator reads so.",
 }
 
 _OF_PRESSURE = {
@@ -134,10 +134,8 @@ def answer(comparison: Comparison) -> tuple[str, str]:
     if comparison.kind == "ambiguous":
         text = joined(sets, "and")
         return f"Something changed, and these data cannot tell apart {text}.", sizes
-    if comparison.standing and not found.sets:
-        number = len(comparison.standing)
-        often = "" if number == 1 else f", {number} times"
-        return f"What changed: the reading stands still while the actuator moves{often}.", sizes
+    if comparison.misread and not found.sets:
+        return f"What changed: {comparison.misread[0].words}.", sizes
     chance = percent(probability(document, ["unknown"]))
     part = f"; a part is like {phrase(found.sets[0])}" if found.sets else ""
     return f"Something changed that no effect of the library explains ({chance}){part}.", sizes

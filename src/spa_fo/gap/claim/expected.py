@@ -19,20 +19,21 @@ from spa_fo.plant.effects.library import LIBRARY
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
-CHANGED = 2.25
-"""Times what a reference lets expect of the angle: something has changed. Learned, like `_NONE`."""
+SURELY = 2.0
+"""Of the excess that is a change as probably as not: so large it is one, and has its name."""
 
 
 def beyond_expected(
     verdict: Verdict,
     size: float,
+    changed: float,
     drive_size: float | None = None,
     claimed: Claim | None = None,
 ) -> Verdict:
     """Hold an answer against the size of the gap, over that of what a reference lets expect.
 
-    Beyond `CHANGED`, of the drive `CLEARLY`, something has changed, whatever it is; a smaller gap
-    is one, and has a name, only as far as it is on the way there from what is expected.
+    Far beyond `changed`, of the drive beyond `CLEARLY`, something has changed, whatever it is; a
+    smaller gap is one, and has a name, only as far as it is on the way there from what is expected.
 
     Parameters
     ----------
@@ -40,16 +41,19 @@ def beyond_expected(
         The answer.
     size : float
         That ratio, of the angle; see `differs`.
+    changed : float
+        From which it is a change as probably as not; see `Beyond.changed`.
     drive_size : float, optional
         The same of the pressure, which shows effects of the drive by itself; None where it was not
         measured.
     claimed : Claim, optional
         What sets close of it; without one no set is a part of what is not expected.
     """
-    something = max(_way(size, CHANGED), float((drive_size or 0.0) > CLEARLY))
+    whole = 1.0 + SURELY * (changed - 1.0)
+    something = max(_way(size, whole), float((drive_size or 0.0) > CLEARLY))
     if something == 1.0:
         verdict = _something(too_large_for_none(verdict, claimed))
-    shares = {s.named: _trust(s.named, size, drive_size) for s in verdict.scored if s.named}
+    shares = {s.named: _trust(s.named, size, whole, drive_size) for s in verdict.scored if s.named}
     lost = sum(s.probability * (1.0 - shares[s.named]) for s in verdict.scored if s.named)
     if not lost and something == 1.0:
         return verdict
@@ -79,10 +83,10 @@ def _something(verdict: Verdict) -> Verdict:
     return replace(verdict, scored=tuple(scored), unknown=verdict.unknown / rest, none=0.0)
 
 
-def _trust(named: Ids, size: float, drive_size: float | None) -> float:
+def _trust(named: Ids, size: float, whole: float, drive_size: float | None) -> float:
     """Say how far a set may have its name: as far as each of its parts shows clearly."""
     return min(
-        _way(size, CHANGED)
+        _way(size, whole)
         if drive_size is None or LIBRARY[name].stage != "drive"
         else _way(drive_size, CLEARLY)
         for name in named

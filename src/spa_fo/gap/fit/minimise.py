@@ -11,7 +11,7 @@ is below a limit.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,11 @@ class Quadratic:
     value: float
     gradient: Floats
     hessian: Floats
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the misfit has slopes there: a search does not go where it has none."""
+        return bool(np.isfinite(self.gradient).all() and np.isfinite(self.hessian).all())
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,8 @@ def minimise(
     """
     z = np.clip(start, low, high)
     at = quadratic(z)
+    if not at.is_finite:
+        return Minimum(z, replace(at, value=np.inf), np.inf, 0, 0)
     damping, growth, tried, rejected = _DAMPING, 2.0, 0, 0
     while True:
         free = free_of(z, at.gradient, low, high)
@@ -107,13 +114,15 @@ def minimise(
         predicted = -float(at.gradient @ moved) - 0.5 * float(moved @ at.hessian @ moved)
         tried += 1
         gained = at.value - value(z + moved)
-        if gained > 0.0 and np.isfinite(gained):
+        there = quadratic(z + moved) if gained > 0.0 and np.isfinite(gained) else None
+        if there is not None and there.is_finite:
             ratio = gained / max(predicted, 1e-12)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 2.0) - 1.0) ** 3)
             growth = 2.0
-            z = z + moved
-            at = quadratic(z)
+            z, at = z + moved, there
         else:
+            if there is not None:
+                quadratic(z)  # whoever remembers the last one has this one again
             rejected += 1
             damping *= growth
             growth *= 2.0

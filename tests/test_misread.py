@@ -1,4 +1,4 @@
-"""A reading that stands still while the actuator moves, or is elsewhere."""
+"""Readings that no actuator has: standing still while it moves, or out of its reach."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 import campaigns
 from spa_fo.compare import compare
-from spa_fo.compare.standing_still import rows_of, still
+from spa_fo.compare.misread import Misread, misread, rows_of
 from spa_fo.identify import fit_campaign
 from spa_fo.report.change import answer
 from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
@@ -42,13 +42,19 @@ EMPTY = Trial(
 )
 
 
-def found(angle: np.ndarray, foreseen: np.ndarray, usual: np.ndarray | None = None) -> list[slice]:
+def found(angle: np.ndarray, foreseen: np.ndarray, usual: np.ndarray | None = None) -> Any:
+    """What is misread where the same drive bent the reference as is foreseen."""
     before = cast(
         Any, type("Data", (), {"trials": (moving(foreseen if usual is None else usual),)})
     )
     after = cast(Any, type("Data", (), {"trials": (moving(angle),)}))
-    (stands,) = still(before, after, [foreseen], [foreseen], [np.full(angle.size, 0.5)])
-    return [each.rows for each in stands]
+    sigma = np.full(angle.size, 0.5)
+    (wrong,) = misread(before, after, [foreseen], [foreseen], [sigma])
+    return wrong
+
+
+def rows(wrong: tuple[Misread, ...]) -> list[tuple[int, int]]:
+    return [(int(each.rows[0]), int(each.rows[-1]) + 1) for each in wrong]
 
 
 SWING = 20.0 * np.sin(np.linspace(0.0, 6.0, 500)) + 0.01 * np.random.default_rng(1).normal(size=500)
@@ -58,26 +64,39 @@ SWING = 20.0 * np.sin(np.linspace(0.0, 6.0, 500)) + 0.01 * np.random.default_rng
 def test_a_reading_that_hangs_is_seen_from_its_first_row_to_its_last(value: float) -> None:
     angle = SWING.copy()
     angle[200:300] = value
-    assert found(angle, SWING) == [slice(200, 300)]
+    assert rows(found(angle, SWING)) == [(200, 300)]
 
 
 def test_neither_a_quiet_converter_nor_a_stop_is_a_reading_that_hangs() -> None:
     coarse = np.round(SWING / 5.0) * 5.0
-    assert found(coarse, SWING, usual=coarse) == []
+    assert found(coarse, SWING, usual=coarse) == ()
     blocked = np.minimum(SWING, 12.0)
-    assert found(blocked, SWING) == []
+    assert found(blocked, SWING) == ()
     short = SWING.copy()
     short[200:205] = 0.0
-    assert found(short, SWING) == []
+    assert found(short, SWING) == ()
+
+
+def test_a_reading_of_nothing_is_none() -> None:
+    assert rows(found(np.zeros(500), SWING)) == [(0, 500)]
+
+
+def test_a_reading_out_of_reach_is_none_of_the_actuator_s() -> None:
+    angle = SWING.copy()
+    angle[100:120] = -45.0
+    (wrong,) = found(angle, SWING)
+    assert np.array_equal(wrong.rows, np.arange(100, 120))
+    assert "-45" in wrong.text
+    angle[105:] = SWING[105:]
+    assert found(angle, SWING) == ()  # a dropout
+    assert found(np.where(SWING > 0.0, 3.0 * SWING, SWING), SWING) == ()  # what held it is gone
 
 
 def test_rows_are_those_of_all_stretches() -> None:
     angle = SWING.copy()
     angle[100:150] = angle[250:300] = 0.0
-    before = cast(Any, type("Data", (), {"trials": (moving(SWING),)}))
-    after = cast(Any, type("Data", (), {"trials": (moving(angle),)}))
-    (stands,) = still(before, after, [SWING], [SWING], [np.full(500, 0.5)])
-    assert np.flatnonzero(rows_of(stands, 500)).tolist() == [*range(100, 150), *range(250, 300)]
+    wrong = found(angle, SWING)
+    assert np.flatnonzero(rows_of(wrong, 500)).tolist() == [*range(100, 150), *range(250, 300)]
 
 
 def test_what_hangs_is_a_change_of_the_sensor_and_what_is_left_is_compared(
@@ -91,7 +110,7 @@ def test_what_hangs_is_a_change_of_the_sensor_and_what_is_left_is_compared(
     model = fit_campaign(measured, bootstrap=None).model
     assert compare(measured, measured, model).kind == "nothing_changed"
     comparison = compare(measured, hung, model)
-    assert len(comparison.standing) == 1
+    assert len(comparison.misread) == 1
     assert comparison.kind == "unknown"
     assert comparison.change.where.stage == pytest.approx(
         {"drive": 0.0, "actuator": 0.0, "sensor": 1.0, "acquisition": 0.0}
