@@ -71,7 +71,7 @@ class Bench:
         for group in rows.groups:
             expected[group.rows] += spectrum.white / group.count
         size = local_size(rows, rows.merged(residual_deg) ** 2 - expected)
-        return replace(self, whitening=replace(self.whitening, gap=size))
+        return replace(self, whitening=replace(self.whitening, spectrum=spectrum, gap=size))
 
     def without(self, trials: NDArray[np.bool_]) -> Bench:
         """Return the bench of all trials but some, (trials,) bool."""
