@@ -15,6 +15,7 @@ from spa_fo.gap.claim.expected import (
     SURELY,
     beyond_expected,
     differs,
+    no_sensor_s_alone,
     not_compared,
     unnamed,
     with_equivalents,
@@ -186,6 +187,16 @@ def test_what_acts_alike_elsewhere_stands_if_it_closes_as_much() -> None:
     assert with_equivalents(found, claims(far)) == found
     unknown = answer({("sensor_creep",): 0.2, ("creep",): 0.05}, 0.75)
     assert with_equivalents(unknown, claims(close)) == unknown
+
+
+def test_without_a_calibration_a_sensor_s_effect_is_a_part_of_what_is_unknown() -> None:
+    slip = no_sensor_s_alone(answer({("sensor_slip",): 0.9, (): 0.04}, 0.06))
+    assert (slip.kind, slip.sets) == ("unknown", (("sensor_slip",),))
+    assert slip.of(("sensor_slip",)).probability == pytest.approx(0.45)
+    assert (slip.unknown, slip.none) == pytest.approx((0.51, 0.04))
+    for other in ({("creep",): 0.9}, {("creep", "sensor_slip"): 0.9}, {(): 0.9}):
+        found = answer(other, 0.1)
+        assert no_sensor_s_alone(found) == found
 
 
 def examined(repeats: int, response: Any = None, fixture: Any = None) -> Any:

@@ -30,6 +30,7 @@ from spa_fo.gap.claim.claimed import (
 from spa_fo.gap.claim.expected import (
     beyond_expected,
     differs,
+    no_sensor_s_alone,
     not_compared,
     times_missed_of_drive,
     unnamed,
@@ -226,7 +227,7 @@ def _answered(
         of_drive = times_missed_of_drive(examined.everything, beyond)
         verdict = beyond_expected(verdict, size / expected, beyond.changed, of_drive, claimed)
         if examined.everything.fixture is None:
-            verdict = with_equivalents(verdict, claimed)
+            verdict = no_sensor_s_alone(with_equivalents(verdict, claimed))
         if beyond.says_nothing:
             verdict = not_compared(verdict)
         elif beyond.says_little:

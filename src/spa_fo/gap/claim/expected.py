@@ -157,6 +157,20 @@ def with_equivalents(verdict: Verdict, claimed: Claim) -> Verdict:
     return replace(verdict, kind=kind, sets=sets)
 
 
+def no_sensor_s_alone(verdict: Verdict) -> Verdict:
+    """Take what is the sensor's alone for a part of an unknown cause, not for the cause.
+
+    Without a calibration a change of the actuator that no effect describes looks the same.
+    """
+    stages = {LIBRARY[name].stage for ids in verdict.sets for name in ids}
+    if verdict.kind not in ("cause", "ambiguous") or stages != {"sensor"}:
+        return verdict
+    scored = [replace(s, probability=0.5 * s.probability) if s.named else s for s in verdict.scored]
+    lost = sum(s.probability for s in scored if s.named)
+    again = replace(judge(scored, verdict.unknown + lost, verdict.unknown_drive), kind="unknown")
+    return replace(again, sets=verdict.sets[:1])
+
+
 def _equivalents(ids: Ids) -> Iterator[Ids]:
     """Yield sets in which one effect gives way to one of another stage that acts alike."""
     for place, name in enumerate(ids):
