@@ -441,8 +441,9 @@ repeated. So what is counted is a cause that *appears between repeats*:
 
 - A **false cause** is a verdict `cause` on B whose set is not among the sets of the verdict on A
   with A's own model. One effect more or less makes another set, and counts.
-- The diagnosis knows a model by its campaign's name as fitted to it, and then frees the model's
-  coefficients. So it is asked a third time, of **a copy of A** under another name: the same bytes,
+- The diagnosis knows a model by its campaign's name, or by what least squares leave, as fitted to
+  it, and then frees the model's coefficients. So it is asked a third time,
+  of **a copy of A** under another name: the same bytes,
   in which nothing can have changed. A false cause that is said of the copy too is *of no
   difference*: it comes from taking the coefficients for given, not from what B does otherwise.
 - `ambiguous`, `unknown` and `no_gap` are no false causes; a table counts them. The model misses A

@@ -184,7 +184,15 @@ def compare(
     law = learn(missed, _unrepeated_deg(reference))
     common, unvisited = law.predict(there), law.unvisited(there)
     predicted = [t.angle_deg - s.missed for t, s in zip(reference.trials, missed, strict=True)]
-    wrong = _misread(reference, data, there, common, unvisited)
+    foreseen = [
+        trial.angle_deg - signal.missed + mean
+        for trial, signal, (mean, _) in zip(data.trials, there, common, strict=True)
+    ]
+    sigma = [
+        np.where(nowhere, np.inf, np.hypot(own, _of_a_day(angle)))
+        for angle, (_, own), nowhere in zip(foreseen, common, unvisited, strict=True)
+    ]
+    wrong = misread(reference, data, [signal.input for signal in there], foreseen, sigma)
     unvisited = [
         rows | rows_of(found, rows.size) for rows, found in zip(unvisited, wrong, strict=True)
     ]
@@ -249,37 +257,14 @@ def compare(
         model=model,
         misread=found,
         sigma=tuple(
-            np.where(nowhere, np.nan, np.hypot(own, _of_a_day(trial, signal, mean)))
-            for trial, signal, (mean, own), nowhere in zip(
-                data.trials, there, common, unvisited, strict=True
-            )
+            np.where(nowhere, np.nan, own) for own, nowhere in zip(sigma, unvisited, strict=True)
         ),
     )
 
 
-def _of_a_day(trial: Trial, signal: Signal, mean: Floats) -> Floats:
+def _of_a_day(angle_deg: Floats) -> Floats:
     """Say by how much one day's angles differ from another's, at each row, deg."""
-    foreseen = trial.angle_deg - signal.missed + mean
-    return np.asarray(np.hypot(TYPICAL.gain * foreseen, TYPICAL.rest_deg))
-
-
-def _misread(
-    reference: CampaignData,
-    data: CampaignData,
-    there: Sequence[Signal],
-    common: Sequence[tuple[Floats, Floats]],
-    unvisited: Sequence[NDArray[np.bool_]],
-) -> tuple[tuple[Misread, ...], ...]:
-    """Find by trial what is none of an actuator's readings, as far as the reference says it."""
-    foreseen, deviation = [], []
-    for trial, signal, (mean, own), nowhere in zip(
-        data.trials, there, common, unvisited, strict=True
-    ):
-        foreseen.append(trial.angle_deg - signal.missed + mean)
-        own = np.hypot(own, _of_a_day(trial, signal, mean))
-        deviation.append(np.where(nowhere, np.inf, own))
-    inputs = [signal.input for signal in there]
-    return misread(reference, data, inputs, foreseen, deviation)
+    return np.asarray(np.hypot(TYPICAL.gain * angle_deg, TYPICAL.rest_deg))
 
 
 def _bent_at_rest(trial: Trial, plain: Model) -> float:

@@ -20,6 +20,8 @@ from scipy.optimize import nnls
 from scipy.signal import lfilter
 from scipy.spatial import cKDTree
 
+from spa_fo.gap.data.evidence import same_course
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -35,7 +37,6 @@ _LENGTHS = (1.0, 2.0, 4.0, 8.0)  # of the function, in standard deviations of th
 _NOISES = (1e-4, 1e-3, 1e-2)  # variance of what it does not hold, against what it does
 _ROOM = 0.05  # of the range of an input, by which it may go beyond what was learned from
 _PIECES = 4  # of what is left out in pieces
-_AS_LONG, _ALIKE = 0.9, 0.03  # of the longer trial, and of the input: the same course
 _SAME = 0.15  # standard deviations of the inputs: the very same was done before
 _QUIETEST = 0.1  # of what repeats of an ordinary bench differ by: none is quieter
 _FEW = 0.05  # of the rows, which do not say what that differs by
@@ -352,21 +353,17 @@ def ways(signals: Sequence[Signal]) -> list[Integers]:
 
 def courses(signals: Sequence[Signal]) -> list[int]:
     """Give each trial the number of the first one whose input took the same course."""
-    numbers: list[int] = []
-    for i, signal in enumerate(signals):
-        same = (j for j in range(i) if _same_course(signals[j], signal))
-        numbers.append(next(same, i))
-    return numbers
+    drives = [_stepped(signal) for signal in signals]
+    return [
+        next(j for j in range(i + 1) if j == i or same_course(drives[j], drives[i]))
+        for i in range(len(drives))
+    ]
 
 
-def _same_course(one: Signal, other: Signal) -> bool:
-    lasted = sorted(float(each.t_s[-1] - each.t_s[0]) for each in (one, other))
-    if lasted[0] < _AS_LONG * lasted[1]:
-        return False
-    t = np.arange(0.0, lasted[0], _STEP_S)
-    first, second = (np.interp(t, s.t_s - s.t_s[0], s.input) for s in (one, other))
-    size = max(float(np.abs(first).max()), 1e-9)
-    return float(np.mean(np.abs(first - second))) < _ALIKE * size
+def _stepped(signal: Signal) -> Floats:
+    """Return the input at even times from the trial's start."""
+    t = np.arange(signal.t_s[0], signal.t_s[-1], _STEP_S)
+    return np.interp(t, signal.t_s, signal.input)
 
 
 def _apart(group: Integers, x: Floats, chosen: Integers, asked: Integers) -> Neighbours:

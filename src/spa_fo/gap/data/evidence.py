@@ -142,12 +142,13 @@ def _run_alike(grid: CampaignGrid) -> Integers:
     first_of: dict[str, int] = {}
     for i, trial in enumerate(grid.trials):
         first = first_of.setdefault(trial.experiment, i)
-        if _alike(drives[first], drives[i]):
+        if same_course(drives[first], drives[i]):
             number[i] = first
     return number
 
 
-def _alike(one: Floats, other: Floats) -> bool:
+def same_course(one: Floats, other: Floats) -> bool:
+    """Say whether two inputs, at like times from each trial's start, took the same course."""
     n = min(one.size, other.size)
     if n < 0.9 * max(one.size, other.size):
         return False

@@ -108,9 +108,7 @@ def examine(
     if not noise.spectrum.repeats:
         floor = noise.floor_deg(everything.grid.angle_deg)
     if beyond is not None:
-        floor = float(
-            np.sqrt(1.0 / np.mean(1.0 / beyond.variance(everything, everything.grid.angle_deg)))
-        )
+        floor = beyond.floor_deg(everything)
     progress(f"weighing {len(found.fits)} explanations")
     fast = NONE if at_port("line") in excluded else fast_line(evidence)
     drive_floor = None

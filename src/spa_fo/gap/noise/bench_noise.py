@@ -143,6 +143,11 @@ class Beyond:
         """Whether the reference was elsewhere for the most part."""
         return self.unvisited > _MOSTLY
 
+    def floor_deg(self, evidence: Evidence) -> float:
+        """Give by what a sample may differ where most is foreseen, deg: the harmonic mean of v."""
+        variance = self.variance(evidence, evidence.grid.angle_deg)
+        return float(np.mean(1.0 / variance) ** -0.5)
+
     def variance(self, evidence: Evidence, angle_deg: Floats) -> Floats:
         """Variance of what the campaign may differ by without any change, (n,), deg².
 
