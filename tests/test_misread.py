@@ -117,4 +117,5 @@ def test_what_hangs_is_a_change_of_the_sensor_and_what_is_left_is_compared(
     )
     assert "stands at" in comparison.change.findings[0]
     assert "stands still" in answer(comparison)[0]
+    assert answer(comparison)[1].startswith("Apart from what no actuator reads, ")
     assert sum(cause.probability for cause in comparison.change.causes) == pytest.approx(1.0)

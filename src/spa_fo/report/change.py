@@ -115,8 +115,9 @@ def answer(comparison: Comparison) -> tuple[str, str]:
     found, document = comparison.change, comparison.to_dict()
     gap, unit = found.gap, unit_of(comparison)
     names = comparison.data.campaign.name, comparison.reference.campaign.name
+    beside = "Apart from what no actuator reads, " if comparison.misread else ""
     sizes = (
-        f"{names[0]} differs from what {names[1]} lets expect by {gap.rmse_deg:.2f}{unit} (RMS); "
+        f"{beside}{names[0]} differs from what {names[1]} lets expect by {gap.rmse_deg:.2f}{unit} (RMS); "
         f"without any change that would be about {gap.noise_floor_deg:.2f}{unit}."
     )
     sets = [f"{phrase(ids)} ({percent(probability(document, ids))})" for ids in found.sets]
