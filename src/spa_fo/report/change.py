@@ -117,8 +117,8 @@ def answer(comparison: Comparison) -> tuple[str, str]:
     names = comparison.data.campaign.name, comparison.reference.campaign.name
     beside = "Apart from what no actuator reads, " if comparison.misread else ""
     sizes = (
-        f"{beside}{names[0]} differs from what {names[1]} lets expect by {gap.rmse_deg:.2f}{unit} (RMS); "
-        f"without any change that would be about {gap.noise_floor_deg:.2f}{unit}."
+        f"{beside}{names[0]} differs from what {names[1]} lets expect by {gap.rmse_deg:.2f}{unit} "
+        f"(RMS); without any change that would be about {gap.noise_floor_deg:.2f}{unit}."
     )
     sets = [f"{phrase(ids)} ({percent(probability(document, ids))})" for ids in found.sets]
     if comparison.kind == NOTHING_CHANGED:
