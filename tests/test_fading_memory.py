@@ -10,20 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from spa_fo.compare.fading_memory import (
-    _NEAREST,
+    NEAREST,
     FadingMemoryLaw,
     Kernel,
     Signal,
-    _nearest,
-    _neighbours,
-    beyond_scatter,
-    calibrated,
-    courses,
     inputs,
-    learn,
+    nearest,
+    neighbours,
     telling,
-    ways,
 )
+from spa_fo.compare.learning import beyond_scatter, calibrated, courses, learn, ways
 
 LEAST = 0.1
 
@@ -65,7 +61,7 @@ def test_the_law_goes_back_to_nothing_where_nothing_like_it_was_seen() -> None:
     ((mean, _),) = law.predict([far])
     (nowhere,) = law.unvisited([far])
     on = far.input > 0.0
-    assert np.abs(mean[on]).max() < 0.2 * law.kernel.amplitude
+    assert np.abs(mean[on]).max() < 0.2 * law.chosen.kernel.amplitude
     assert nowhere[on].all()
 
 
@@ -80,7 +76,7 @@ def test_what_was_done_before_is_known_as_well_as_repeats_repeat() -> None:
     """And what was not is known the less the farther it is from that."""
     law = learn(noisy(6, 0.3), LEAST)
     ((_, same), (_, other)) = law.predict([noisy(1, 0.0)[0], signals(2, step=6.0)[1]])
-    assert law.repeats
+    assert law.chosen.repeats
     assert float(np.median(same)) == pytest.approx(0.3, rel=0.5)
     on = (signals(1)[0].t_s > 1.5) & (signals(1)[0].t_s < 6.0)
     assert np.all(other[on] > same[on])
@@ -91,8 +87,8 @@ def test_what_repeats_differ_by_is_taken_for_granted_where_none_shows_it() -> No
     drives = (np.maximum(t - 1.0, 0.0), 12.0 - t, 6.0 + 5.0 * np.sin(t))
     trials = [Signal(0.0, t, drive, 0.1 * drive) for drive in drives]
     law = learn(trials, LEAST)
-    assert not law.repeats
-    assert law.scatter == pytest.approx(LEAST**2)
+    assert not law.chosen.repeats
+    assert law.chosen.scatter == pytest.approx(LEAST**2)
 
 
 def test_what_was_left_out_took_no_part() -> None:
@@ -118,9 +114,11 @@ def plainly_left_out(
     left = []
     for row in mine:
         apart = np.linalg.norm(every[learned] - every[row], axis=1)
-        near = learned[np.argsort(apart)[:_NEAREST]]
-        k = matern(every[near], every[near], law.kernel) + law.kernel.noise * np.eye(near.size)
-        own = matern(every[[row]], every[near], law.kernel)[0]
+        near = learned[np.argsort(apart)[:NEAREST]]
+        k = matern(every[near], every[near], law.chosen.kernel) + law.chosen.kernel.noise * np.eye(
+            near.size
+        )
+        own = matern(every[[row]], every[near], law.chosen.kernel)[0]
         left.append(y[row] - own @ np.linalg.solve(k, y[near]))
     return mine - ends[out], np.array(left)
 
@@ -135,7 +133,7 @@ def test_a_prediction_from_all_rows_is_the_whole_gaussian_process() -> None:
     rng = np.random.default_rng(2)
     x, values, asked = rng.normal(size=(20, 3)), rng.normal(size=20), rng.normal(size=(5, 3))
     kernel = Kernel(1.5, 0.01, 2.0)
-    mean, variance = _neighbours(asked, x, _nearest(asked, x, 20)).predict(kernel, values)
+    mean, variance = neighbours(asked, x, nearest(asked, x, 20)).predict(kernel, values)
     k = matern(x, x, kernel) + 0.01 * np.eye(20)
     own = matern(asked, x, kernel)
     np.testing.assert_allclose(mean, own @ np.linalg.solve(k, values))

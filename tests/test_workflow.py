@@ -151,6 +151,7 @@ def own_sources(finished: Path, tmp_path: Path) -> tuple[Path, dict[str, str]]:
         ("report/figures.py", {"all", "compare", "figures", "publish"}),
         ("gap/data/hold_out.py", {"all", "diagnose", "compare", "publish"}),
         ("compare/fading_memory.py", {"all", "compare", "publish"}),
+        ("compare/learning.py", {"all", "compare", "publish"}),
         (
             "rig/calibration.py",
             {

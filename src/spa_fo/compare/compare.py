@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
-from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, learn
+from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal
+from spa_fo.compare.learning import learn
 from spa_fo.compare.misread import Misread, misread, rows_of, with_misread
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Foreseen, largest_deg
@@ -207,7 +208,7 @@ def compare(
         day=TYPICAL,
         zero_deg=_together(rest, moving),
         angle_deg=angle_deg,
-        repeats=law.repeats,
+        repeats=law.chosen.repeats,
         read_deg=largest_deg(reference.trials),
         unvisited=float(np.mean(np.concatenate(unvisited))),
         trials=len(reference.trials),

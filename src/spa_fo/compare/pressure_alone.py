@@ -21,7 +21,7 @@ from spa_fo.compare.compare import (
     shows_drive,
     unrepeated_kpa,
 )
-from spa_fo.compare.fading_memory import learn
+from spa_fo.compare.learning import learn
 from spa_fo.errors import BadInput
 from spa_fo.gap.answer.findings import drive_finding
 from spa_fo.gap.answer.intervals import drive_intervals

@@ -255,6 +255,10 @@ def _with_laws(answer: Answer, seed: int, progress: Progress) -> tuple[Answer, M
     law = alone.worth_a_model
     if law is None or law.fraction_closed < max(closed) - SETTINGS.gains:
         return answer, missing
+    # Of a change, a part that closes as much by itself has its place; a law fits either.
+    compared = examined.found.bench.noise.compared
+    if compared and missing.known_closed > law.fraction_closed - SETTINGS.gains:
+        return answer, missing
     return (examined, claim(examined, bare, np.random.default_rng(seed)), bare), alone
 
 
