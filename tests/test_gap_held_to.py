@@ -21,8 +21,11 @@ from spa_fo.gap.claim.expected import (
     with_equivalents,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
+from spa_fo.gap.diagnose import _alone_does
+from spa_fo.gap.diagnosis import LawFound
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.coloured import Scatter, Spectrum
+from spa_fo.gap.places.missing import Missing
 
 Ids = tuple[str, ...]
 NOT_READ = cast(Any, None)
@@ -267,3 +270,36 @@ def test_a_part_says_where_as_far_as_it_stood_beside_unknown_causes(
     first: dict[Ids, float], unknown: float, standing: set[Ids], weight: float
 ) -> None:
     assert _stood(answer(first, unknown), standing) == pytest.approx(weight)
+
+
+def law(closes: float, beside: tuple[str, ...]) -> LawFound:
+    """A law that closes so much beside these."""
+    nothing = np.zeros(0)
+    return LawFound(
+        "angle", "actuator", 0.9, closes, 10.0, (), beside, nothing, nothing, nothing, nothing
+    )
+
+
+@pytest.mark.parametrize(
+    ("part", "compared", "does"),
+    [
+        (0.3, False, True),  # the part closes little: the law is all there is
+        (0.3, True, True),
+        (0.9, False, True),  # it closes as much as the law: of a change it has its place
+        (0.9, True, False),
+    ],
+)
+def test_of_a_change_a_part_that_closes_as_much_as_a_law_keeps_its_place(
+    part: float, compared: bool, does: bool
+) -> None:
+    slip = ("sensor_slip",)
+    beside = Missing((law(0.9, slip),), slip, part)
+    alone = Missing((law(0.9, ()),), (), 0.0)
+    assert _alone_does(alone, beside, compared) is does
+
+
+def test_a_law_alone_that_closes_less_than_beside_a_part_does_not() -> None:
+    slip = ("sensor_slip",)
+    beside = Missing((law(0.9, slip),), slip, 0.3)
+    assert not _alone_does(Missing((law(0.6, ()),), (), 0.0), beside, False)
+    assert not _alone_does(Missing(), beside, False)

@@ -44,6 +44,17 @@ _ROUNDS = 6
 _TRIED = 0.99  # quantile
 
 
+@dataclass(frozen=True)
+class _Rows:
+    """All rows of a reference, and which of them a law is taught."""
+
+    centre: Floats  # (k + 2,)
+    scale: Floats
+    x: Floats  # (rows, k + 2): inputs, scaled
+    y: Floats  # (rows,): what was missed
+    taught: Integers
+
+
 def learn(signals: Sequence[Signal], least: float) -> FadingMemoryLaw:
     """Learn what is missed from the trials of a reference.
 
@@ -84,17 +95,6 @@ def _learned(
         expected=tuple(np.split(expected, ends)),
         sound=tuple(s.sound for s in signals),
     )
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """All rows of a reference, and which of them a law is taught."""
-
-    centre: Floats  # (k + 2,)
-    scale: Floats
-    x: Floats  # (rows, k + 2): inputs, scaled
-    y: Floats  # (rows,): what was missed
-    taught: Integers
 
 
 def _rows(signals: Sequence[Signal], lags_s: Floats) -> _Rows:

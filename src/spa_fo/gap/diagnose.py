@@ -251,15 +251,23 @@ def _with_laws(answer: Answer, seed: int, progress: Progress) -> tuple[Answer, M
         return answer, missing
     bare = replace(verdict, sets=())
     alone = _missing(examined, bare, claimed, progress)
-    closed = [missing.known_closed, *(law.fraction_closed for law in missing.laws[:1])]
-    law = alone.worth_a_model
-    if law is None or law.fraction_closed < max(closed) - SETTINGS.gains:
-        return answer, missing
-    # Of a change, a part that closes as much by itself has its place; a law fits either.
-    compared = examined.found.bench.noise.compared
-    if compared and missing.known_closed > law.fraction_closed - SETTINGS.gains:
+    if not _alone_does(alone, missing, examined.found.bench.noise.compared):
         return answer, missing
     return (examined, claim(examined, bare, np.random.default_rng(seed)), bare), alone
+
+
+def _alone_does(alone: Missing, beside: Missing, compared: bool) -> bool:
+    """Say whether a law alone closes as much as beside a part that has a name.
+
+    Of a change a part that by itself closes as much has its place: a law fits either, and may be of
+    another stage.
+    """
+    law = alone.worth_a_model
+    if law is None:
+        return False
+    closed = [beside.known_closed, *(each.fraction_closed for each in beside.laws[:1])]
+    part_does = beside.known_closed > law.fraction_closed - SETTINGS.gains
+    return law.fraction_closed >= max(closed) - SETTINGS.gains and not (compared and part_does)
 
 
 def _missing(examined: Examined, verdict: Verdict, claimed: Claim, progress: Progress) -> Missing:

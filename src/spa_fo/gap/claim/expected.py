@@ -160,7 +160,8 @@ def with_equivalents(verdict: Verdict, claimed: Claim) -> Verdict:
 def no_sensor_s_alone(verdict: Verdict) -> Verdict:
     """Take what is the sensor's alone for a part of an unknown cause, not for the cause.
 
-    Without a calibration a change of the actuator that no effect describes looks the same.
+    Without a calibration a change of the actuator that no effect describes looks the same: whose it
+    is, is taken to be even.
     """
     stages = {LIBRARY[name].stage for ids in verdict.sets for name in ids}
     if verdict.kind not in ("cause", "ambiguous") or stages != {"sensor"}:
