@@ -91,6 +91,30 @@ def test_what_repeats_differ_by_is_taken_for_granted_where_none_shows_it() -> No
     assert law.chosen.scatter == pytest.approx(LEAST**2)
 
 
+@pytest.mark.parametrize("steps_deg", [0.5, 1.0, 5.0])
+def test_of_a_rough_law_it_is_known_how_much_is_missed_nearby_and_far_away(
+    steps_deg: float,
+) -> None:
+    """Trials of seven levels, done once each, of a law with steps in it."""
+    levels = [signals(1)[0], *(signals(2, step=float(k))[1] for k in range(1, 7))]
+    trials = [
+        replace(s, started_s=1000.0 * k, missed=s.missed + steps_deg * (np.floor(s.missed) % 2.0))
+        for k, s in enumerate(levels)
+    ]
+    law = learn(trials, LEAST)
+    left, foreseen = np.concatenate(law.left), np.concatenate(law.expected)
+    far = foreseen > np.median(foreseen)
+    for rows in (far, ~far):
+        assert rms(left[rows]) == pytest.approx(rms(foreseen[rows]), rel=0.3)
+
+
+def test_a_power_of_its_variance_is_a_share_of_that_of_its_values() -> None:
+    kernel, variance = Kernel(1.0, 0.01, 3.0), np.array([0.0, 0.09, 9.0])
+    np.testing.assert_allclose(kernel.doubt(variance, 1.0), variance)
+    np.testing.assert_allclose(kernel.doubt(variance, 0.5), [0.0, 0.9, 9.0])
+    assert np.all(Kernel(1.0, 0.01, 0.0).doubt(np.zeros(3), 0.5) == 0.0)
+
+
 def test_what_was_left_out_took_no_part() -> None:
     """The misses on a left-out trial are those of a law that never saw it."""
     trials = signals()

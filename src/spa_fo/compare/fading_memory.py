@@ -78,6 +78,14 @@ class Kernel:
         scaled = np.sqrt(3.0) * apart / self.length
         return np.asarray((1.0 + scaled) * np.exp(-scaled))
 
+    def doubt(self, variance: Floats, power: float) -> Floats:
+        """Raise the function's own variance to a power, as a share of that of its values.
+
+        A function that is not of this kind misses more nearby than it says, or more far away.
+        """
+        whole = max(self.amplitude**2, NOTHING)
+        return np.asarray(whole * (variance / whole) ** power)
+
 
 @dataclass(frozen=True)
 class Neighbours:
@@ -106,8 +114,9 @@ class Chosen:
     Attributes
     ----------
     kernel : Kernel
-    scatter, trust : float
-        The variance of what it misses is `scatter` and `trust` times its own.
+    scatter, trust, power : float
+        The variance of what it misses is `scatter` and `trust` times a power of its own; see
+        `Kernel.doubt`.
     farthest : float
         Its largest variance that was tried: beyond, nobody knows what it misses.
     repeats : bool
@@ -117,12 +126,14 @@ class Chosen:
     kernel: Kernel
     scatter: float
     trust: float
+    power: float
     farthest: float
     repeats: bool
 
     def expected(self, variance: Floats) -> Floats:
         """Variance of what is missed, where the function's own is this."""
-        return np.maximum(self.scatter + self.trust * variance, NOTHING)
+        doubt = self.kernel.doubt(variance, self.power)
+        return np.maximum(self.scatter + self.trust * doubt, NOTHING)
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ _QUICKEST_S = 0.05  # lag
 _BANKS = ((5, 0.3), (7, 3.0))  # lags, the slowest in longest trials: without what is left to others
 _LENGTHS = (1.0, 2.0, 4.0, 8.0)  # of the function, in standard deviations of the inputs
 _NOISES = (1e-4, 1e-3, 1e-2)  # variance of what it does not hold, against what it does
+_POWERS = (0.5, 1.0, 1.5)  # of its own variance, by which it misses more where that is larger
 _PIECES = 4  # of what is left out in pieces
 _SAME = 0.15  # standard deviations of the inputs: the very same was done before
 _QUIETEST = 0.1  # of what repeats of an ordinary bench differ by: none is quieter
@@ -121,19 +122,22 @@ def _chosen(rows: _Rows, groups: Sequence[Integers], least: float) -> tuple[floa
     amplitude = float(np.sqrt(np.mean(values**2)))
     found = []
     for length, noise in product(_LENGTHS, _NOISES):
-        kernel, scatter = Kernel(length, noise, amplitude), least**2
+        kernel = Kernel(length, noise, amplitude)
         means, variances = zip(*(one.predict(kernel, values) for one in apart), strict=True)
         squares = [(rows.y[tried] - mean) ** 2 for mean in means]
-        if again.any():  # by the first way
-            scatter, _ = calibrated(squares[0][again], variances[0][again], weights[again])
-            scatter = max(scatter, (_QUIETEST * least) ** 2)
         square, variance = np.concatenate(squares), np.concatenate(variances)
-        trust = beyond_scatter(square, variance, each, scatter)
         farthest = float(np.quantile(variance, _TRIED))
-        chosen = Chosen(kernel, scatter, trust, farthest, bool(again.any()))
-        expected = chosen.expected(variance)
-        lost = float(np.average(np.log(expected) + square / expected, weights=each))
-        found.append((lost, chosen))
+        for power in _POWERS:
+            scatter, doubt = least**2, kernel.doubt(variance, power)
+            if again.any():  # by the first way
+                first = doubt[: tried.size][again]
+                scatter, _ = calibrated(squares[0][again], first, weights[again])
+                scatter = max(scatter, (_QUIETEST * least) ** 2)
+            trust = beyond_scatter(square, doubt, each, scatter)
+            chosen = Chosen(kernel, scatter, trust, power, farthest, bool(again.any()))
+            expected = chosen.expected(variance)
+            lost = float(np.average(np.log(expected) + square / expected, weights=each))
+            found.append((lost, chosen))
     return min(found, key=lambda one: one[0])
 
 
