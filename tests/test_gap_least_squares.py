@@ -116,6 +116,35 @@ def test_the_top_of_the_linear_problem_is_where_a_search_ends() -> None:
     np.testing.assert_allclose(top, searched(problem), atol=1e-6)
 
 
+class Runaway(Line):
+    """The same up to a size of 0.5; beyond, its motion and what nuisances make of it explode."""
+
+    tried_beyond = False
+
+    def __init__(self) -> None:
+        super().__init__(1.0, low=-50.0)
+        self.moving = np.array([0, 1])
+
+    def at_rows(self, z: Floats) -> Floats:
+        return super().at_rows(z) * self._growth(z)
+
+    def columns(self, z: Floats) -> Floats:
+        # All of them alike: nothing tells them apart but their priors, lost to rounding.
+        growth = self._growth(z)
+        return self.own if growth == 1.0 else growth * np.ones_like(self.own)
+
+    def _growth(self, z: Floats) -> float:
+        self.tried_beyond |= z[2] > 0.5
+        return 1e12 if z[2] > 0.5 else 1.0
+
+
+def test_a_search_turns_back_from_where_a_motion_explodes() -> None:
+    problem = Runaway()
+    found = searched(problem)
+    assert problem.tried_beyond
+    assert 0.2 < found[2] <= 0.5
+
+
 @pytest.mark.parametrize("size", [1.0, 0.3, 0.1])
 def test_a_posterior_that_a_bound_cuts_is_integrated_as_it_is(size: float) -> None:
     problem = Line(size, low=0.0)

@@ -204,7 +204,10 @@ class Explained(ABC):
             nonlocal seen
             if not np.isfinite(left := self.left(z)).all():
                 return np.inf  # no motion agrees with it
-            seen = look(z, left)
+            try:
+                seen = look(z, left)
+            except np.linalg.LinAlgError:
+                return np.inf  # so large a motion that the nuisances' matrix is lost to rounding
             return of(seen, seen.taken(seen.left))
 
         def quadratic(z: Floats) -> Quadratic:
