@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from spa_fo.gap.answer.causes import _seen_in
 from spa_fo.gap.data.hold_out import fraction_closed, hold_out
 from spa_fo.gap.decide import weigh
 from spa_fo.gap.decide.verdict import Scored, judge, said, stage_shares
 from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import log_odds
+from spa_fo.plant.effects.library import acts_like, log_odds
 
 GAP_DEG, FLOOR_DEG = 4.0, 0.5
 
@@ -98,6 +99,20 @@ def test_stage_shares_weigh_by_square_and_probability():
     assert shares == pytest.approx(
         {"drive": 0.05, "actuator": 0.45, "sensor": 0.5, "acquisition": 0.0}
     )
+
+
+def test_without_a_calibration_what_the_actuator_may_do_is_not_the_sensors():
+    """What nothing in an actuator does alike, as a reading that stands still, is the sensor's."""
+    every = [
+        scored(("sensor_creep", "sensor_freeze"), 0.5, {"sensor_creep": 1.0, "sensor_freeze": 3.0})
+    ]
+    shares = stage_shares(judge(every, 0.5, 0.0), _seen_in)
+    assert shares == pytest.approx(
+        {"drive": 0.0, "actuator": 0.1, "sensor": 0.9, "acquisition": 0.0}
+    )
+    assert acts_like("sensor_creep", "actuator")
+    assert acts_like("creep", "sensor")
+    assert not acts_like("sensor_freeze", "actuator")
 
 
 def test_small_sets_come_first_and_a_shift_beside_another_last():

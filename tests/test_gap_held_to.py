@@ -54,6 +54,17 @@ def test_a_cause_that_closes_nothing_is_none() -> None:
     assert held.unknown == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("way", [0.2, 0.49, 0.51, 0.8, 1.0])
+def test_nothing_changed_no_more_probably_than_the_size_says(way: float) -> None:
+    """Also where no effect explains what differs."""
+    nothing = answer({(): 0.95, ("creep",): 0.02}, 0.03)
+    found = beyond_expected(nothing, 1.0 + way * (SURE - 1.0), HALF)
+    assert found.none <= 1.0 - way + 1e-9
+    assert found.none + found.unknown + 0.02 * way == pytest.approx(1.0)
+    assert (found.kind == "no_gap") == (way < 0.5)
+    assert found.sets == ()
+
+
 def test_trials_that_scatter_by_as_much_refute_nothing() -> None:
     verdict = answer({("creep",): 0.9}, 0.1)
     assert held_to(verdict, claims({("creep",): -0.2}, 0.5)) == verdict

@@ -17,8 +17,8 @@ from spa_fo.gap.decide.verdict import Verdict, said, stage_shares
 from spa_fo.gap.diagnosis import Cause, Traces
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
-from spa_fo.plant.effects.effect import STAGES
-from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.effects.effect import STAGES, Stage
+from spa_fo.plant.effects.library import LIBRARY, absent, acts_like
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -80,6 +80,8 @@ def stages(
     if verdict.kind == "no_gap":
         return StageShares(dict.fromkeys(STAGES, 0.0))
     known = stage_shares(verdict)
+    if verdict.kind == "unknown" and expected is not None and fixture is None:
+        known = stage_shares(verdict, _seen_in)
     by_command = grid.command_kpa is not None and not everything.has_pressure
     if verdict.kind != "unknown" or (verdict.sets and by_command):
         return StageShares(known)
@@ -115,6 +117,15 @@ def stages(
     total = sum(squares.values())
     shares: dict[str, float] = {stage: squares[stage] / total for stage in STAGES}
     return StageShares(shares, assumed=_NO_CALIBRATION if fixture is None else None)
+
+
+def _seen_in(name: str) -> Stage:
+    """Say in which stage a part of a change counts where no calibration was logged.
+
+    What acts like an effect of the actuator is not shown to be the sensor's.
+    """
+    stage = LIBRARY[name].stage
+    return "actuator" if stage == "sensor" and acts_like(name, "actuator") else stage
 
 
 def _stood(first: Verdict, standing: Container[Ids]) -> float:

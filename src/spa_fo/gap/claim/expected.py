@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.claim.claimed import CLEARLY, Claim, too_large_for_none
 from spa_fo.gap.data.evidence import Evidence
-from spa_fo.gap.decide.verdict import Kind, Verdict, judge
+from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.settings import SETTINGS
@@ -33,7 +33,8 @@ def beyond_expected(
     """Hold an answer against the size of the gap, over that of what a reference lets expect.
 
     Far beyond `changed`, of the drive beyond `CLEARLY`, something has changed, whatever it is; a
-    smaller gap is one, and has a name, only as far as it is on the way there from what is expected.
+    smaller gap is one, and has a name, only as far as it is on the way there from what is expected,
+    and is none no more than that.
 
     Parameters
     ----------
@@ -63,14 +64,20 @@ def beyond_expected(
         replace(s, probability=shares[s.named] * s.probability if s.named else s.probability + more)
         for s in verdict.scored
     ]
-    scored.sort(key=lambda s: -s.probability)
-    again = judge(scored, unknown, verdict.unknown_drive)
+    again = _at_most(1.0 - something, scored, unknown, verdict.unknown_drive)
     sets = tuple(named for named in again.sets if named in verdict.sets)
     if again.kind == "no_gap":
         return again
     return replace(
         again, kind=again.kind if sets and verdict.kind != "unknown" else "unknown", sets=sets
     )
+
+
+def _at_most(none: float, scored: Sequence[Scored], unknown: float, of_drive: float) -> Verdict:
+    """Judge, nothing being no more probable than the size alone says: the rest is unknown."""
+    more = max(sum(s.probability for s in scored if not s.named) - none, 0.0)
+    capped = [s if s.named else replace(s, probability=s.probability - more) for s in scored]
+    return judge(sorted(capped, key=lambda s: -s.probability), unknown + more, of_drive)
 
 
 def _something(verdict: Verdict) -> Verdict:

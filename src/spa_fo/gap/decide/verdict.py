@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +10,7 @@ from spa_fo.gap.noise.interference import Line
 from spa_fo.gap.search.drive import DriveFit
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.effect import STAGES
+from spa_fo.plant.effects.effect import STAGES, Stage
 from spa_fo.plant.effects.library import LIBRARY
 
 Ids = tuple[str, ...]
@@ -83,14 +83,23 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
     return "cause" if len(standing) == 1 else "ambiguous", tuple(standing)
 
 
-def stage_shares(verdict: Verdict) -> dict[str, float]:
-    """Share of the explained squared gap by stage, over all explanations by probability."""
+def _own_stage(name: str) -> Stage:
+    return LIBRARY[name].stage
+
+
+def stage_shares(
+    verdict: Verdict, stage_of: Callable[[str], Stage] = _own_stage
+) -> dict[str, float]:
+    """Share of the explained squared gap by stage, over all explanations by probability.
+
+    `stage_of` says in which stage an effect counts.
+    """
     shares = dict.fromkeys(STAGES, 0.0)
     for one in verdict.scored:
         squares = {name: size**2 for name, size in one.moved_deg.items()}
         whole = max(sum(squares.values()), 1e-30)
         for name, square in squares.items():
-            shares[LIBRARY[name].stage] += one.probability * square / whole
+            shares[stage_of(name)] += one.probability * square / whole
     total = sum(shares.values())
     return {stage: share / total if total > 0.0 else 0.0 for stage, share in shares.items()}
 

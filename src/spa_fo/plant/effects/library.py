@@ -159,6 +159,12 @@ def rare(name: str) -> bool:
     return LIBRARY[name].odds < 1.0
 
 
+def acts_like(name: str, stage: Stage) -> bool:
+    """Say whether an effect acts like one of a stage: an equivalent, by what either says."""
+    others = (other for other in LIBRARY.values() if other.stage == stage)
+    return any(o.id in LIBRARY[name].equivalents or name in o.equivalents for o in others)
+
+
 def beside(ids: Sequence[str], names: Sequence[str]) -> list[str]:
     """Leave out of `names` what does not come beside effects: no rig shows two that are rare."""
     return [name for name in names if not (rare(name) and any(map(rare, ids)))]
