@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spa_fo.gap.answer.causes import _seen_in
+from spa_fo.gap.answer.causes import _may_be_in
 from spa_fo.gap.data.hold_out import fraction_closed, hold_out
 from spa_fo.gap.decide import weigh
 from spa_fo.gap.decide.verdict import Scored, judge, said, stage_shares
@@ -101,14 +101,13 @@ def test_stage_shares_weigh_by_square_and_probability():
     )
 
 
-def test_without_a_calibration_what_the_actuator_may_do_is_not_the_sensors():
+def test_without_a_calibration_it_is_even_whose_is_what_the_actuator_may_do_as_well():
     """What nothing in an actuator does alike, as a reading that stands still, is the sensor's."""
-    every = [
-        scored(("sensor_creep", "sensor_freeze"), 0.5, {"sensor_creep": 1.0, "sensor_freeze": 3.0})
-    ]
-    shares = stage_shares(judge(every, 0.5, 0.0), _seen_in)
+    moved = {"sensor_creep": 1.0, "sensor_freeze": 3.0}
+    every = [scored(("sensor_creep", "sensor_freeze"), 0.5, moved)]
+    shares = stage_shares(judge(every, 0.5, 0.0), _may_be_in)
     assert shares == pytest.approx(
-        {"drive": 0.0, "actuator": 0.1, "sensor": 0.9, "acquisition": 0.0}
+        {"drive": 0.0, "actuator": 0.05, "sensor": 0.95, "acquisition": 0.0}
     )
     assert acts_like("sensor_creep", "actuator")
     assert acts_like("creep", "sensor")

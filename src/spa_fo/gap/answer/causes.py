@@ -81,7 +81,7 @@ def stages(
         return StageShares(dict.fromkeys(STAGES, 0.0))
     known = stage_shares(verdict)
     if verdict.kind == "unknown" and expected is not None and fixture is None:
-        known = stage_shares(verdict, _seen_in)
+        known = stage_shares(verdict, _may_be_in)
     by_command = grid.command_kpa is not None and not everything.has_pressure
     if verdict.kind != "unknown" or (verdict.sets and by_command):
         return StageShares(known)
@@ -119,13 +119,13 @@ def stages(
     return StageShares(shares, assumed=_NO_CALIBRATION if fixture is None else None)
 
 
-def _seen_in(name: str) -> Stage:
-    """Say in which stage a part of a change counts where no calibration was logged.
+def _may_be_in(name: str) -> tuple[Stage, ...]:
+    """Say in which stages a part of a change may be where no calibration was logged.
 
-    What acts like an effect of the actuator is not shown to be the sensor's.
+    Whether it is the sensor's or the actuator's that acts alike is taken to be even.
     """
     stage = LIBRARY[name].stage
-    return "actuator" if stage == "sensor" and acts_like(name, "actuator") else stage
+    return (stage, "actuator") if stage == "sensor" and acts_like(name, "actuator") else (stage,)
 
 
 def _stood(first: Verdict, standing: Container[Ids]) -> float:

@@ -83,23 +83,25 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
     return "cause" if len(standing) == 1 else "ambiguous", tuple(standing)
 
 
-def _own_stage(name: str) -> Stage:
-    return LIBRARY[name].stage
+def _own_stage(name: str) -> tuple[Stage, ...]:
+    return (LIBRARY[name].stage,)
 
 
 def stage_shares(
-    verdict: Verdict, stage_of: Callable[[str], Stage] = _own_stage
+    verdict: Verdict, stages_of: Callable[[str], tuple[Stage, ...]] = _own_stage
 ) -> dict[str, float]:
     """Share of the explained squared gap by stage, over all explanations by probability.
 
-    `stage_of` says in which stage an effect counts.
+    `stages_of` says in which stages an effect may be: evenly.
     """
     shares = dict.fromkeys(STAGES, 0.0)
     for one in verdict.scored:
         squares = {name: size**2 for name, size in one.moved_deg.items()}
         whole = max(sum(squares.values()), 1e-30)
         for name, square in squares.items():
-            shares[stage_of(name)] += one.probability * square / whole
+            stages = stages_of(name)
+            for stage in stages:
+                shares[stage] += one.probability * square / whole / len(stages)
     total = sum(shares.values())
     return {stage: share / total if total > 0.0 else 0.0 for stage, share in shares.items()}
 
