@@ -102,6 +102,7 @@ def test_of_a_rough_law_it_is_known_how_much_is_missed_nearby_and_far_away(
         for k, s in enumerate(levels)
     ]
     law = learn(trials, LEAST)
+    assert law.chosen.power > 1.0  # at rest nothing is missed, and between the levels all the more
     left, foreseen = np.concatenate(law.left), np.concatenate(law.expected)
     far = foreseen > np.median(foreseen)
     for rows in (far, ~far):

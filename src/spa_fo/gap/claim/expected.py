@@ -14,7 +14,7 @@ from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, alike
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -183,6 +183,5 @@ def _equivalents(ids: Ids) -> Iterator[Ids]:
     """Yield sets in which one effect gives way to one of another stage that acts alike."""
     for place, name in enumerate(ids):
         for other, effect in LIBRARY.items():
-            alike = other in LIBRARY[name].equivalents or name in effect.equivalents
-            if alike and effect.stage != LIBRARY[name].stage and other not in ids:
+            if alike(name, other) and effect.stage != LIBRARY[name].stage and other not in ids:
                 yield (*ids[:place], other, *ids[place + 1 :])

@@ -18,7 +18,7 @@ from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.noise.whitening import Whitening
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import Parameter
-from spa_fo.plant.effects.line_lag import low_pass
+from spa_fo.plant.effects.shared import low_pass
 from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]

@@ -12,8 +12,7 @@ from spa_fo.plant.effects.dead_time import delay_cells
 from spa_fo.plant.effects.drive_backlash import follow_with_play
 from spa_fo.plant.effects.leak import lose
 from spa_fo.plant.effects.library import LIBRARY
-from spa_fo.plant.effects.line_lag import low_pass
-from spa_fo.plant.effects.shared import Floats, Integers, poles
+from spa_fo.plant.effects.shared import Floats, Integers, low_pass, poles
 from spa_fo.plant.effects.slew_limit import slew
 from spa_fo.plant.effects.supply_droop import droop
 

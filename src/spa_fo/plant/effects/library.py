@@ -159,10 +159,14 @@ def rare(name: str) -> bool:
     return LIBRARY[name].odds < 1.0
 
 
+def alike(one: str, other: str) -> bool:
+    """Say whether two effects act alike: they are equivalents by what either says."""
+    return other in LIBRARY[one].equivalents or one in LIBRARY[other].equivalents
+
+
 def acts_like(name: str, stage: Stage) -> bool:
-    """Say whether an effect acts like one of a stage: an equivalent, by what either says."""
-    others = (other for other in LIBRARY.values() if other.stage == stage)
-    return any(o.id in LIBRARY[name].equivalents or name in o.equivalents for o in others)
+    """Say whether an effect acts like one of a stage."""
+    return any(effect.stage == stage and alike(name, other) for other, effect in LIBRARY.items())
 
 
 def beside(ids: Sequence[str], names: Sequence[str]) -> list[str]:

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
-from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Effect
-from spa_fo.plant.effects.shared import Floats, Integers, two_poles
-from spa_fo.plant.memory import FINEST_STEP_S
+from spa_fo.plant.effects.shared import two_poles
 
 EFFECT = Effect(
     id="line_lag",
@@ -18,19 +14,3 @@ EFFECT = Effect(
     remedy="shorten or widen the tube, or put the regulator's sensor at the actuator",
     filter="lag",
 )
-
-
-@njit
-def low_pass(p: Floats, starts: Integers, time_constant: float) -> None:
-    """First-order lag; means over cells of an input that is constant in each."""
-    if time_constant <= 0.0:
-        return
-    x = FINEST_STEP_S / time_constant
-    keep = math.exp(-x)
-    mean = -math.expm1(-x) / x
-    for trial in range(starts.size - 1):
-        now = 0.0
-        for i in range(starts[trial], starts[trial + 1]):
-            distance = now - p[i]
-            p[i] += distance * mean
-            now = p[i] - distance * mean + distance * keep

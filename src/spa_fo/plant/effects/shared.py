@@ -1,4 +1,4 @@
-"""What several effects share: creep's spectrum, a moment, two poles of one time constant, knots."""
+"""What several effects share: creep's spectrum, a moment, two poles and their lag, knots."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Parameter, amplitude, lateness, shape, share
+from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -95,3 +96,19 @@ def switched(time_s: Floats, since: float) -> Floats:
         return np.zeros(time_s.size)  # before anything has happened
     soft = max(_SOFT * float(time_s[-1]), _LEAST_S)
     return np.asarray(0.5 * (1.0 + np.tanh((time_s - since * time_s[-1]) / soft)))
+
+
+@njit
+def low_pass(p: Floats, starts: Integers, time_constant: float) -> None:
+    """First-order lag; means over cells of an input that is constant in each."""
+    if time_constant <= 0.0:
+        return
+    x = FINEST_STEP_S / time_constant
+    keep = math.exp(-x)
+    mean = -math.expm1(-x) / x
+    for trial in range(starts.size - 1):
+        now = 0.0
+        for i in range(starts[trial], starts[trial + 1]):
+            distance = now - p[i]
+            p[i] += distance * mean
+            now = p[i] - distance * mean + distance * keep
