@@ -1,4 +1,4 @@
-"""Readings that no actuator has: standing still while it moves, or out of its reach."""
+"""Readings that no actuator has: still while it moves, out of its reach, or elsewhere at once."""
 
 from __future__ import annotations
 
@@ -90,6 +90,55 @@ def test_a_reading_out_of_reach_is_none_of_the_actuator_s() -> None:
     angle[105:] = SWING[105:]
     assert found(angle, SWING) == ()  # a dropout
     assert found(np.where(SWING > 0.0, 3.0 * SWING, SWING), SWING) == ()  # what held it is gone
+
+
+HELD = np.where(np.arange(500) < 100, 0.0, 20.0 * (1.0 - np.exp(-(np.arange(500) - 100) / 20.0)))
+HELD = HELD + 0.01 * np.random.default_rng(2).normal(size=500)
+
+
+def held(angle: np.ndarray, drive: np.ndarray | None = None) -> Any:
+    """What is misread where a step of the input has bent the actuator."""
+    before, after = (cast(Any, type("Data", (), {"trials": (moving(a),)})) for a in (HELD, angle))
+    step = np.where(np.arange(500) < 100, 0.0, 50.0) if drive is None else drive
+    (wrong,) = misread(before, after, [step], [HELD], [np.full(500, 0.5)])
+    return wrong
+
+
+def test_from_a_jump_on_a_sensor_reads_of_another_place() -> None:
+    angle = HELD - 6.0 * (np.arange(500) >= 300)
+    (wrong,) = held(angle)
+    assert abs(int(wrong.rows[0]) - 300) <= 1
+    assert int(wrong.rows[-1]) == 499
+    assert wrong.square == pytest.approx(36.0 * wrong.rows.size, rel=0.02)
+    assert "jumps by 6" in wrong.text
+
+
+def test_a_jump_counts_neither_for_a_moment_nor_slow_nor_with_the_input() -> None:
+    dropout = HELD.copy()
+    dropout[300:302] = 0.0
+    assert held(dropout) == ()
+    rows = np.arange(500)
+    slow = HELD - 6.0 * np.clip((rows - 300) / 30.0, 0.0, 1.0)
+    assert held(slow) == ()
+    with_it = np.where(rows < 100, 0.0, np.where(rows < 300, 50.0, 35.0))
+    assert held(HELD - 6.0 * (rows >= 300), with_it) == ()
+    assert held(HELD - 0.5 * (rows >= 300)) == ()  # no faster than the reference ever went
+
+
+def test_what_is_read_in_later_trials_is_of_that_place_too() -> None:
+    step = np.where(np.arange(500) < 100, 0.0, 50.0)
+    fell = HELD - 6.0 * (np.arange(500) >= 300)
+    trials = tuple(
+        replace(cast(Trial, moving(angle)), started_s=start)
+        for angle, start in ((HELD - 6.0, 200.0), (fell, 100.0), (HELD, 0.0))
+    )
+    before = cast(Any, type("Data", (), {"trials": (moving(HELD),)}))
+    after = cast(Any, type("Data", (), {"trials": trials}))
+    sigma = [np.full(500, 0.5)] * 3
+    later, jumps, earlier = misread(before, after, [step] * 3, [HELD] * 3, sigma)
+    assert rows(later) == [(0, 500)]
+    assert abs(rows(jumps)[0][0] - 300) <= 1
+    assert earlier == ()
 
 
 def test_rows_are_those_of_all_stretches() -> None:

@@ -1,8 +1,10 @@
-"""Readings that no actuator has: one that stands still while it moves, or is out of its reach.
+"""Readings that no actuator has: still while it moves, out of its reach, or elsewhere at once.
 
 A channel that hangs, or that reads nothing, repeats one value exactly; no actuator does where its
-noise, and that of its sensor, moved it before. And none bends far back beyond where it began. (Far
-beyond all that it reached one may go: what held it in the reference may be gone.)
+noise, and that of its sensor, moved it before. None bends far back beyond where it began. (Far
+beyond all that it reached one may go: what held it in the reference may be gone.) And none is
+elsewhere from one sample to the next, for good, while its input stays: its sensor has moved, and
+what that reads from then on is of another place.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Step
@@ -24,6 +27,9 @@ Bools = NDArray[np.bool_]
 
 _LEAST_S, _LEAST = 0.5, 10  # of one value
 _LONGER = 3.0  # than any in the reference, in samples: there a quiet converter repeats itself, too
+_FASTER = 3.0  # than ever in the reference, whatever its input did
+_ABOUT = 5  # samples before and after a jump: what comes back within them is a dropout
+_STAYS = 0.05  # of its range, the input at a jump and over `_LEAST_S` before it
 _CLEARLY = 3.0  # deviations of what is foreseen
 _MOVES = 0.2  # of its range, by the input, or by the reading
 _BEYOND = 0.5  # of the range that the reference read, below the lowest of it
@@ -63,11 +69,17 @@ class _Reference:
         Samples of one value.
     low_deg, high_deg : float
         Its readings.
+    jump_deg : float
+        Largest jump.
+    every_s : float
+        From one sample to the next.
     """
 
     longest: int
     low_deg: float
     high_deg: float
+    jump_deg: float
+    every_s: float
 
     @property
     def range_deg(self) -> float:
@@ -92,10 +104,17 @@ def misread(
         longest=max(int(np.diff(_edges(trial.angle_deg)).max()) for trial in reference.trials),
         low_deg=float(angle.min()),
         high_deg=float(angle.max()),
+        jump_deg=max(float(np.max(_jumps(trial.angle_deg))) for trial in reference.trials),
+        every_s=float(np.median(np.concatenate([np.diff(t.t_s) for t in reference.trials]))),
     )
-    return tuple(
+    found = [
         (*_still(*own, seen), *_far(own[0], own[2], seen))
         for own in zip(data.trials, inputs, foreseen, deviation, strict=True)
+    ]
+    moved = _moved(data.trials, inputs, foreseen, found, seen)
+    return tuple(
+        own if after is None else (*(e for e in own if e.rows[-1] < after.rows[0]), after)
+        for own, after in zip(found, moved, strict=True)
     )
 
 
@@ -146,6 +165,72 @@ def _far(trial: Trial, foreseen: Floats, seen: _Reference) -> Iterator[Misread]:
     )
     words = "the reading goes back beyond where the actuator begins"
     yield Misread(rows, words, text, float(away @ away))
+
+
+def _moved(
+    trials: Sequence[Trial],
+    inputs: Sequence[Floats],
+    foreseen: Sequence[Floats],
+    found: Sequence[Sequence[Misread]],
+    seen: _Reference,
+) -> Iterator[Misread | None]:
+    """Give by trial what a sensor reads after it has moved: from its first jump on, to the end."""
+    jumps = [_jump(*own, seen) for own in zip(trials, inputs, foreseen, found, strict=True)]
+    since_s = min(
+        (t.started_s + t.t_s[row] for t, row in zip(trials, jumps, strict=True) if row is not None),
+        default=np.inf,
+    )
+    for trial, angle in zip(trials, foreseen, strict=True):
+        rows = np.flatnonzero(trial.started_s + trial.t_s >= since_s)
+        if not rows.size:
+            yield None
+            continue
+        away = angle[rows] - trial.angle_deg[rows]
+        text = f"What is read in {trial.label} is after a jump of the reading."
+        if trial.started_s + trial.t_s[0] < since_s:
+            text = (
+                f"The reading jumps by {_jumps(trial.angle_deg)[rows[0]]:.2g}° at "
+                f"{trial.t_s[rows[0]]:.3g} s of {trial.label}, while the input stays; the "
+                f"reference never did by more than {seen.jump_deg:.2g}°. What is read from then on "
+                "is not compared."
+            )
+        words = "the reading jumps as no actuator does"
+        yield Misread(rows, words, text, float(away @ away))
+
+
+def _jump(
+    trial: Trial, drive: Floats, foreseen: Floats, found: Sequence[Misread], seen: _Reference
+) -> int | None:
+    """Return the first sample at which a reading goes off while its input stays, if any.
+
+    Where a reading that stands still begins or ends it jumps, too.
+    """
+    longer = max(1.0, float(np.median(np.diff(trial.t_s))) / seen.every_s)
+    wrong = np.convolve(rows_of(found, trial.t_s.size), np.ones(2 * _ABOUT + 1), mode="same") > 0.0
+    large = (_jumps(trial.angle_deg) > _FASTER * longer * seen.jump_deg) & ~wrong
+    away = np.abs(trial.angle_deg - foreseen)
+    for row in np.flatnonzero(large).tolist():
+        before = slice(int(np.searchsorted(trial.t_s, trial.t_s[row] - _LEAST_S)), row + 2)
+        if np.ptp(drive[before]) <= _STAYS * np.ptp(drive) and away[row + 1] > away[row - 1]:
+            return row
+    return None
+
+
+def _jumps(angle_deg: Floats) -> Floats:
+    """Return by how much the reading goes elsewhere at each sample, for good, deg.
+
+    The smaller of its steps over two samples and between the medians of what is before and after:
+    of the two a dropout lacks the latter, and what an actuator does the former.
+    """
+    out = np.zeros(angle_deg.size)
+    first, last = _ABOUT - 1, angle_deg.size - _ABOUT - 2
+    if first > last:
+        return out
+    middle = np.median(sliding_window_view(angle_deg, _ABOUT), axis=1)
+    at = np.arange(first, last + 1)
+    step, lasting = angle_deg[at + 2] - angle_deg[at], middle[at + 2] - middle[at - first]
+    out[at + 1] = np.where(step * lasting > 0.0, np.minimum(np.abs(step), np.abs(lasting)), 0.0)
+    return out
 
 
 def rows_of(found: Sequence[Misread], rows: int) -> Bools:

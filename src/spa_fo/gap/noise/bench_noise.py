@@ -101,12 +101,12 @@ class BenchNoise:
 
 NOWHERE = 0.9
 """Share of rows where the reference never was: beyond, there is nothing to compare. Assumed."""
-_CHANGED, _UNSURE = 1.7, 3.0
-"""Times what may differ, and the trials by which that is known as well as it is unknown.
+_CHANGED, _UNSURE = 1.5, 4.0
+"""Times what may differ, of a reference of many trials; its square grows by so much for a lone one.
 
-Learned on 114 pairs of campaigns in which nothing or something had changed, measured ones and of an
-independent virtual rig (docs/compare.md): the fewer trials a reference has, the less it knows of
-what its own trials would differ by.
+Learned on 287 pairs of campaigns in which nothing or something had changed, measured ones and of
+the virtual rig (docs/compare.md): the fewer trials a reference has, the less it knows of what its
+own trials would differ by, and a lone one knows nothing.
 """
 _MOSTLY = 0.5  # the same: beyond, too little is compared for a name. Assumed.
 
@@ -136,7 +136,7 @@ class Beyond:
     @property
     def changed(self) -> float:
         """Times what may differ from which on something has changed, as probably as not."""
-        return _CHANGED * float(np.sqrt(1.0 + _UNSURE / self.trials))
+        return _CHANGED * float(np.sqrt(1.0 + _UNSURE / self.trials**2))
 
     @property
     def says_little(self) -> bool:
