@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spa_fo.gap.answer.causes import _may_be_in
+from spa_fo.gap.answer.causes import _named
 from spa_fo.gap.data.hold_out import fraction_closed, hold_out
 from spa_fo.gap.decide import weigh
 from spa_fo.gap.decide.verdict import Scored, judge, said, stage_shares
@@ -105,10 +105,14 @@ def test_without_a_calibration_it_is_even_whose_is_what_the_actuator_may_do_as_w
     """What nothing in an actuator does alike, as a reading that stands still, is the sensor's."""
     moved = {"sensor_creep": 1.0, "sensor_freeze": 3.0}
     every = [scored(("sensor_creep", "sensor_freeze"), 0.5, moved)]
-    shares = stage_shares(judge(every, 0.5, 0.0), _may_be_in)
+    verdict = judge(every, 0.5, 0.0)
+    shares, said_so = _named(verdict, True)
     assert shares == pytest.approx(
         {"drive": 0.0, "actuator": 0.05, "sensor": 0.95, "acquisition": 0.0}
     )
+    assert "shared evenly" in said_so
+    assert _named(verdict, False) == (stage_shares(verdict), "")
+    assert _named(judge([scored(("creep",), 0.5)], 0.5, 0.0), True)[1] == ""
     assert acts_like("sensor_creep", "actuator")
     assert acts_like("creep", "sensor")
     assert not acts_like("sensor_freeze", "actuator")

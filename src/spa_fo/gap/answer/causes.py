@@ -34,6 +34,7 @@ _NO_CALIBRATION = (
     "assumed: no calibration was logged, and without one what changed in the sensor looks as if it "
     "were in the actuator"
 )
+_EVENLY = "; a named part that either does alike is shared evenly"
 
 
 @dataclass(frozen=True)
@@ -79,12 +80,11 @@ def stages(
     grid, fixture = everything.grid, everything.fixture
     if verdict.kind == "no_gap":
         return StageShares(dict.fromkeys(STAGES, 0.0))
-    known = stage_shares(verdict)
-    if verdict.kind == "unknown" and expected is not None and fixture is None:
-        known = stage_shares(verdict, _may_be_in)
+    either = verdict.kind == "unknown" and expected is not None and fixture is None
+    known, evenly = _named(verdict, either)
     by_command = grid.command_kpa is not None and not everything.has_pressure
     if verdict.kind != "unknown" or (verdict.sets and by_command):
-        return StageShares(known)
+        return StageShares(known, assumed=_NO_CALIBRATION + evenly if evenly else None)
     drive, rest_deg = 0.0, grid.angle_deg - plain_deg
     if everything.has_pressure:
         # With the measured pressure for the command, what vanishes was the drive's.
@@ -116,7 +116,14 @@ def stages(
     squares["drive"] = drive
     total = sum(squares.values())
     shares: dict[str, float] = {stage: squares[stage] / total for stage in STAGES}
-    return StageShares(shares, assumed=_NO_CALIBRATION if fixture is None else None)
+    return StageShares(shares, assumed=_NO_CALIBRATION + evenly if fixture is None else None)
+
+
+def _named(verdict: Verdict, either: bool) -> tuple[Mapping[str, float], str]:
+    """Share out what is named; `either`: to both stages that a part may be in, and say so."""
+    own = stage_shares(verdict)
+    shared = stage_shares(verdict, _may_be_in) if either else own
+    return shared, _EVENLY if shared != own else ""
 
 
 def _may_be_in(name: str) -> tuple[Stage, ...]:
