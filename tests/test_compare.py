@@ -15,7 +15,7 @@ from blind_documents import document, read
 from spa_fo.api import Campaign, Comparison
 from spa_fo.cli import main
 from spa_fo.compare import compare
-from spa_fo.compare.compare import _moved_before, _zeroed
+from spa_fo.compare.zero import _moved_before, _zeroed
 from spa_fo.config import match_materials
 from spa_fo.errors import BadInput
 from spa_fo.identify import fit_campaign

@@ -13,15 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
-from spa_fo.compare.compare import (
-    Comparison,
-    expected,
-    lost_in_drive,
-    noise_of,
-    shows_drive,
-    unrepeated_kpa,
-)
-from spa_fo.compare.learning import learn
+from spa_fo.compare.compare import Comparison
+from spa_fo.compare.drive_law import know_drive, shows_drive
 from spa_fo.errors import BadInput
 from spa_fo.gap.answer.findings import drive_finding
 from spa_fo.gap.answer.intervals import drive_intervals
@@ -39,7 +32,7 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.effect import STAGES
 from spa_fo.plant.effects.library import COMMONEST, LIBRARY
-from spa_fo.rig import CampaignData, Trial
+from spa_fo.rig import CampaignData
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -92,30 +85,18 @@ def compare_pressure(
                     trial.label,
                 )
     progress(f"learning what the drive does in {len(reference.trials)} trials of the reference")
-    lost, there = ([lost_in_drive(trial) for trial in each.trials] for each in (reference, data))
-    law = learn(lost, unrepeated_kpa(lost))
-    usual = law.predict(there)
-    beside_kpa = expected(law, usual)
-    spectrum, _ = noise_of(law, lost, [signal.input for signal in lost], beside_kpa)
-    common = tuple(mean for mean, _ in usual)
-    changed = [_without(trial, mean) for trial, mean in zip(data.trials, common, strict=True)]
-    evidence = _pressure_for_angle(collect(replace(data, trials=tuple(changed))))
+    known = know_drive(reference, data)
+    evidence = _pressure_for_angle(collect(replace(data, trials=known.trials)))
     held = hold_out(evidence, np.random.default_rng(seed))
     read = max(resolution(evidence) / np.sqrt(12.0), evidence.pressure_noise_kpa)
-    expected_kpa = float(np.hypot(beside_kpa, read))
+    expected_kpa = float(np.hypot(known.expected_kpa, read))
     fitted = replace(evidence, takes_part=~held.trials)
     progress(f"explaining {fitted.takes_part.sum()} trials")
     x = _stand_in(data)
-    drive = examine_drive(fitted, excluded, x.transfer_function.as_array(), spectrum)
+    drive = examine_drive(fitted, excluded, x.transfer_function.as_array(), known.spectrum)
     drive = replace(drive, gap_deg=drive.gap_kpa)
     change = _said(evidence, held, drive, x, tuple(excluded), expected_kpa, seed)
-    unvisited = float(np.mean(np.concatenate(law.unvisited(there))))
-    return Comparison(reference, data, change, None, law, common, unvisited, None)
-
-
-def _without(trial: Trial, usual: Floats) -> Trial:
-    assert trial.pressure_kpa is not None
-    return replace(trial, pressure_kpa=trial.pressure_kpa - usual)
+    return Comparison(reference, data, change, None, known.law, known.common, known.unvisited, None)
 
 
 def _pressure_for_angle(evidence: Evidence) -> Evidence:
