@@ -236,8 +236,8 @@ All of these pairs were looked at while the comparison was built, so they show h
 no proof. The size from which on something has changed was learned on those with an angle, among
 others, and two rules were made with a pair in sight: without an angle a name needs three times what
 is expected (slow to fast pulses), and a zero taken from a moving angle is not sure (random
-staircases). *right stage*: the largest share of the change is of
-the stage that is known to have changed. *no answer*: `unknown`, and in no stage or another one.
+staircases). *right stage*: the largest share of the change is of the stage that is known to have
+changed. *no answer*: `unknown`, and in no stage or another one.
 
 {table}
 
