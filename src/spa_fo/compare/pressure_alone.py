@@ -27,7 +27,6 @@ from spa_fo.gap.decide.verdict import chosen
 from spa_fo.gap.decide.weigh import decide_drive
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Step, Traces, Where
 from spa_fo.gap.fit.pressure import resolution
-from spa_fo.gap.noise.bench_noise import changed_from
 from spa_fo.gap.search.drive import Drive, DriveFit, examine_drive
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, TransferFunction
@@ -96,8 +95,7 @@ def compare_pressure(
     x = _stand_in(data)
     drive = examine_drive(fitted, excluded, x.transfer_function.as_array(), known.spectrum)
     drive = replace(drive, gap_deg=drive.gap_kpa)
-    clearly = max(CLEARLY, changed_from(len(reference.trials)))
-    change = _said(evidence, held, drive, x, tuple(excluded), expected_kpa, clearly, seed)
+    change = _said(evidence, held, drive, x, tuple(excluded), expected_kpa, seed)
     return Comparison(reference, data, change, None, known.law, known.common, known.unvisited, None)
 
 
@@ -124,10 +122,8 @@ def _said(
     model: Model,
     excluded: Ids,
     expected_kpa: float,
-    clearly: float,
     seed: int,
 ) -> Diagnosis:
-    """Put the answer together; a change has a name from `clearly` times what is expected on."""
     grid, campaign = evidence.grid, evidence.data.campaign
     assert grid.command_kpa is not None
     command = grid.sampled(grid.command_kpa)
@@ -137,7 +133,7 @@ def _said(
     errors[()] = rmse(evidence, command, where)
     everywhere = np.ones(command.size, dtype=bool)
     gap_kpa = rmse(evidence, command, everywhere)
-    weighed, unknown = _held_to(weighed, unknown, errors, gap_kpa > clearly * expected_kpa)
+    weighed, unknown = _held_to(weighed, unknown, errors, gap_kpa > CLEARLY * expected_kpa)
     ranked = sorted(weighed.items(), key=lambda item: -item[1])
     kind, sets = chosen(ranked, unknown)
     sets = tuple(ids for ids in sets if weighed[ids] > 0.0)

@@ -108,15 +108,7 @@ Learned on 287 pairs of campaigns in which nothing or something had changed, mea
 the virtual rig (docs/compare.md): the fewer trials a reference has, the less it knows of what its
 own trials would differ by, and a lone one knows nothing.
 """
-_MOSTLY = 0.5  # share of rows where the reference never was: beyond, no effect is named. Assumed.
-
-
-def changed_from(trials: int) -> float:
-    """Say from how many times what may differ on something has changed, as probably as not.
-
-    `trials` are those of the reference that says what may differ.
-    """
-    return _CHANGED * float(np.sqrt(1.0 + _UNSURE / trials**2))
+_MOSTLY = 0.5  # the same: beyond, too little is compared for a name. Assumed.
 
 
 @dataclass(frozen=True)
@@ -144,7 +136,7 @@ class Beyond:
     @property
     def changed(self) -> float:
         """Times what may differ from which on something has changed, as probably as not."""
-        return changed_from(self.trials)
+        return _CHANGED * float(np.sqrt(1.0 + _UNSURE / self.trials**2))
 
     @property
     def says_little(self) -> bool:
