@@ -12,7 +12,7 @@ import campaigns
 from spa_fo.compare import compare
 from spa_fo.compare.misread import Misread, misread, rows_of
 from spa_fo.identify import fit_campaign
-from spa_fo.report.change import answer
+from spa_fo.report.change import answer, change_figure
 from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
 
 
@@ -168,3 +168,28 @@ def test_what_hangs_is_a_change_of_the_sensor_and_what_is_left_is_compared(
     assert "stands still" in answer(comparison)[0]
     assert answer(comparison)[1].startswith("Apart from what no actuator reads, ")
     assert sum(cause.probability for cause in comparison.change.causes) == pytest.approx(1.0)
+
+
+def test_what_jumps_is_a_change_of_the_sensor_and_what_was_before_is_drawn(
+    measured: CampaignData,
+) -> None:
+    early, jumps, *_ = measured.trials
+    since_s = jumps.started_s + jumps.t_s[int(0.4 * jumps.t_s.size)]
+    trials = [
+        replace(t, angle_deg=t.angle_deg - 20.0 * (t.started_s + t.t_s >= since_s))
+        for t in measured.trials
+    ]
+    model = fit_campaign(measured, bootstrap=None).model
+    comparison = compare(measured, replace(measured, trials=tuple(trials)), model)
+    assert comparison.kind == "unknown"
+    assert comparison.change.where.stage == pytest.approx(
+        {"drive": 0.0, "actuator": 0.0, "sensor": 1.0, "acquisition": 0.0}
+    )
+    assert "jumps" in answer(comparison)[0]
+    compared = {t.label: np.isfinite(s) for t, s in zip(trials, comparison.sigma, strict=True)}
+    assert compared[early.label].any()
+    assert compared[jumps.label].any()
+    assert not any(compared[t.label].any() for t in trials if t.started_s > since_s)
+    axes, _ = change_figure(comparison).axes
+    assert axes.get_title(loc="left") == "step 30, trial 2 of 3"
+    assert len(axes.collections) == 1  # the band

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -17,7 +19,7 @@ from spa_fo.plant import write_model
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.report.causes import percent
 from spa_fo.report.effect_words import joined, phrase
-from spa_fo.report.experiments import experiments
+from spa_fo.report.experiments import Experiment, experiments
 from spa_fo.report.headline import probability
 from spa_fo.report.provenance import joint_provenance_line, provenance_line
 from spa_fo.report.sections import (
@@ -202,9 +204,10 @@ def _common(comparison: Comparison) -> str:
         f"{comparison.law.left_rms:.2f}{unit}."
     )
     if comparison.compared == "angle" and comparison.unvisited > 0.0:
+        beside = ", or are what no actuator reads" if comparison.misread else ""
         text += (
             f" {percent(comparison.unvisited)} of the campaign's samples lie where the reference "
-            "never was: they say next to nothing of what changed."
+            f"never was{beside}: they say next to nothing of what changed."
         )
     return text
 
@@ -271,12 +274,26 @@ def _band(axes: Axes, comparison: Comparison, label: str) -> None:
             axes.fill_between(trial.t_s, *ends, **look, label="nothing changed")
 
 
+def _compared(comparison: Comparison, experiment: Experiment) -> Experiment:
+    """Show the last trial that was compared at all, where the one to be shown was not."""
+    labels = comparison.change.traces.label
+    known = {
+        trial.label
+        for trial, sigma in zip(comparison.data.trials, comparison.sigma, strict=False)
+        if np.isfinite(sigma).any()
+    }
+    found = [trial for trial in experiment.trials if labels[trial] in known]
+    if not found or labels[experiment.shown] in known:
+        return experiment
+    return replace(experiment, shown=found[-1])
+
+
 @styled
 def change_figure(comparison: Comparison) -> Figure:
     """Draw what is left of the campaign without what the reference lets expect."""
     found = comparison.change
     traces, floor = found.traces, found.gap.noise_floor_deg
-    shown = experiments(traces, _MOST_PANELS)
+    shown = [_compared(comparison, e) for e in experiments(traces, _MOST_PANELS)]
     figure = new_figure(TWO_COLUMNS_IN, 2.6, [[e.name for e in shown]])
     for axes, e in zip(figure.axes, shown, strict=True):
         if not comparison.sigma:
