@@ -123,6 +123,9 @@ def test_a_jump_counts_neither_for_a_moment_nor_slow_nor_with_the_input() -> Non
     with_it = np.where(rows < 100, 0.0, np.where(rows < 300, 50.0, 35.0))
     assert held(HELD - 6.0 * (rows >= 300), with_it) == ()
     assert held(HELD - 0.5 * (rows >= 300)) == ()  # no faster than the reference ever went
+    still = np.full(500, 1.0)  # where the reference never moved any jump is larger than its own
+    assert found(still + 1.4 * (rows >= 300), still) == ()
+    assert rows_of(found(still + 1.6 * (rows >= 300), still), 500)[300:].all()
 
 
 def test_what_is_read_in_later_trials_is_of_that_place_too() -> None:

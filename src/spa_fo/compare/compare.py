@@ -28,10 +28,7 @@ from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.gap.noise.bench_noise import NOWHERE, TYPICAL, Beyond
-from spa_fo.gap.noise.coloured import (
-    CORRELATION_S,
-    TYPICAL_DEG,
-)
+from spa_fo.gap.noise.coloured import CORRELATION_S, TYPICAL_DEG
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented

@@ -111,7 +111,7 @@ def misread(
         (*_still(*own, seen), *_far(own[0], own[2], seen))
         for own in zip(data.trials, inputs, foreseen, deviation, strict=True)
     ]
-    moved = _moved(data.trials, inputs, foreseen, found, seen)
+    moved = _moved(data.trials, inputs, foreseen, deviation, found, seen)
     return tuple(
         own if after is None else (*(e for e in own if e.rows[-1] < after.rows[0]), after)
         for own, after in zip(found, moved, strict=True)
@@ -171,11 +171,14 @@ def _moved(
     trials: Sequence[Trial],
     inputs: Sequence[Floats],
     foreseen: Sequence[Floats],
+    deviation: Sequence[Floats],
     found: Sequence[Sequence[Misread]],
     seen: _Reference,
 ) -> Iterator[Misread | None]:
     """Give by trial what a sensor reads after it has moved: from its first jump on, to the end."""
-    jumps = [_jump(*own, seen) for own in zip(trials, inputs, foreseen, found, strict=True)]
+    jumps = [
+        _jump(*own, seen) for own in zip(trials, inputs, foreseen, deviation, found, strict=True)
+    ]
     since_s = min(
         (t.started_s + t.t_s[row] for t, row in zip(trials, jumps, strict=True) if row is not None),
         default=np.inf,
@@ -199,7 +202,12 @@ def _moved(
 
 
 def _jump(
-    trial: Trial, drive: Floats, foreseen: Floats, found: Sequence[Misread], seen: _Reference
+    trial: Trial,
+    drive: Floats,
+    foreseen: Floats,
+    deviation: Floats,
+    found: Sequence[Misread],
+    seen: _Reference,
 ) -> int | None:
     """Return the first sample at which a reading goes off while its input stays, if any.
 
@@ -207,7 +215,8 @@ def _jump(
     """
     longer = max(1.0, float(np.median(np.diff(trial.t_s))) / seen.every_s)
     wrong = np.convolve(rows_of(found, trial.t_s.size), np.ones(2 * _ABOUT + 1), mode="same") > 0.0
-    large = (_jumps(trial.angle_deg) > _FASTER * longer * seen.jump_deg) & ~wrong
+    least = np.maximum(_FASTER * longer * seen.jump_deg, _CLEARLY * deviation)
+    large = (_jumps(trial.angle_deg) > least) & ~wrong
     away = np.abs(trial.angle_deg - foreseen)
     for row in np.flatnonzero(large).tolist():
         before = slice(int(np.searchsorted(trial.t_s, trial.t_s[row] - _LEAST_S)), row + 2)

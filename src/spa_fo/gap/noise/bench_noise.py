@@ -104,11 +104,12 @@ NOWHERE = 0.9
 _CHANGED, _UNSURE = 1.5, 4.0
 """Times what may differ, of a reference of many trials; its square grows by so much for a lone one.
 
-Learned on 287 pairs of campaigns in which nothing or something had changed, measured ones and of
-the virtual rig (docs/compare.md): the fewer trials a reference has, the less it knows of what its
-own trials would differ by, and a lone one knows nothing.
+Chosen on 287 pairs of campaigns in which nothing or something had changed, measured ones and of
+the virtual rig, so that a lone trial's border stays and as much is called unchanged as before
+(docs/compare.md): the fewer trials a reference has, the less it knows of what its own would differ
+by, and a lone one knows nothing.
 """
-_MOSTLY = 0.5  # the same: beyond, too little is compared for a name. Assumed.
+_MOSTLY = 0.5  # share of rows where the reference never was: beyond, no effect is named. Assumed.
 
 
 @dataclass(frozen=True)
