@@ -9,12 +9,12 @@ import pytest
 
 import campaigns
 import naive_rig
-from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.data.evidence import Evidence, Foreseen, angle_chain, collect, with_usual
 from spa_fo.gap.data.fixture import fixture_of
 from spa_fo.gap.fit.bench import Bench, bench_for
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.search.fitted import variants
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.rig import read_campaign, read_trials
 from spa_fo.rig.calibration import calibrate
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log
@@ -94,3 +94,20 @@ def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(evidence: Evidence) -> No
     np.testing.assert_allclose(halved[n : n + rows, 5:], 0.5 * whole[n : n + rows, 5:], atol=1e-9)
     assert AngleProblem(bench_of(evidence), ("creep",)).arrived.size == 0
     assert LIBRARY["sensor_lag"].in_fixture
+
+
+def test_what_a_reference_says_is_foreseen_from_the_first_sample_on(evidence: Evidence) -> None:
+    resting = [
+        Foreseen(
+            np.full(trial.t_s.size, 6.0 + trial.order),
+            np.full(trial.t_s.size, 0.1),
+            np.zeros(trial.t_s.size, dtype=bool),
+        )
+        for trial in evidence.data.trials
+    ]
+    expected = with_usual(evidence, resting, GIVEN, read_deg=0.0)
+    plain, _ = angle_chain(evidence, GIVEN, None).run(GIVEN, absent())
+    found, _ = angle_chain(expected, GIVEN, None).run(GIVEN, absent())
+    orders = evidence.grid.orders[evidence.grid.sample_trial]
+    assert np.unique(orders).size > 1
+    np.testing.assert_allclose(found - plain, 6.0 + orders, atol=1e-9)

@@ -174,13 +174,16 @@ class Usual:
     Attributes
     ----------
     angle_deg : (steps,) array
-        At the end of each step, 0 in the rests.
+        At the end of each step.
     gain : float
         Static gain of the coefficients that it was learned with; it grows as theirs does.
+    begins_deg : float
+        Before the first step.
     """
 
     angle_deg: Floats
     gain: float
+    begins_deg: float = 0.0
 
     def of(self, x: Floats) -> Floats:
         """Give it for some coefficients, deg."""
@@ -400,8 +403,9 @@ class Chain:
             into the grid's.
         """
         grid = self.grid
-        # A film may read other than 0 at rest.
-        at_rest = self.read(np.zeros(1), effects, self.memory.film.copy(), grid.level[:1])
+        # A film may read other than 0 at rest, and an actuator rest elsewhere.
+        rest = np.full(1, 0.0 if self.usual is None else self.usual.begins_deg)
+        at_rest = self.read(rest, effects, self.memory.film.copy(), grid.level[:1])
         before = np.concatenate([at_rest, reading[:-1]])
         delays = log_delays(effects)
         if delays is None:

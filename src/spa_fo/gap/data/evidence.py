@@ -296,6 +296,8 @@ def with_usual(
     angle = np.zeros(grid.level.size)
     squares, doubt = [], []
     by_order = {t.order: each for t, each in zip(evidence.data.trials, usual, strict=True)}
+    # An actuator rests where its next trial begins.
+    begins = [float(by_order[trial.order].missed_deg[0]) for trial in grid.trials]
     for i, trial in enumerate(grid.trials):
         own, kept = by_order[trial.order], ~trial.after_reset
         squares.append(own.deviation_deg[kept] ** 2)
@@ -303,9 +305,11 @@ def with_usual(
         steps = slice(grid.step_starts[i], grid.step_starts[i] + grid.trial_steps[i])
         ends_s = np.cumsum(STEPS_S[grid.level[steps]])
         angle[steps] = np.interp(ends_s, trial.t_s, own.missed_deg)
+        rest = slice(grid.step_starts[i - 1] + grid.trial_steps[i - 1] if i else 0, steps.start)
+        angle[rest] = begins[i]
     return replace(
         evidence,
-        usual=Usual(angle, static_gain(given)),
+        usual=Usual(angle, static_gain(given), begins[0]),
         read_deg=read_deg,
         foreseen_deg=np.sqrt(grid.averaged(np.concatenate(squares))),
         variance=evidence.variance + grid.averaged(np.concatenate(doubt)),
