@@ -85,12 +85,30 @@ def test_where_the_reference_never_was_nothing_is_compared(tmp_path: Path) -> No
     campaigns.step_campaign(tmp_path / "steps", trials=2)
     data = read_trials(read_campaign(tmp_path / "steps"))
     model = fit_campaign(data, bootstrap=None).model
-    trials = [replace(t, command_kpa=t.command_kpa + 200.0) for t in data.trials]
+    trials = [
+        replace(t, command_kpa=t.command_kpa + 200.0, angle_deg=t.angle_deg + 200.0)
+        for t in data.trials
+    ]
     found = compare(data, replace(data, trials=tuple(trials)), model)
     assert found.unvisited > 0.95
     assert (found.kind, found.change.sets, found.change.where.stage) == ("unknown", (), None)
     assert "the reference was hardly ever where" in str(found.change.where.not_known)
     assert "cannot be said" in answer(found)[0]
+
+
+def test_what_is_pressed_harder_than_ever_and_bends_less_has_changed(tmp_path: Path) -> None:
+    campaigns.step_campaign(tmp_path / "steps", trials=2)
+    data = read_trials(read_campaign(tmp_path / "steps"))
+    model = fit_campaign(data, bootstrap=None).model
+    blocked = [
+        replace(t, command_kpa=5.0 * t.command_kpa, angle_deg=np.minimum(t.angle_deg, 12.0))
+        for t in data.trials
+    ]
+    found = compare(data, replace(data, trials=tuple(blocked)), model)
+    assert found.kind != "nothing_changed"
+    shares = found.change.where.stage
+    assert shares is not None
+    assert max(shares, key=lambda stage: shares[stage]) == "actuator"
 
 
 def test_a_campaign_is_as_it_is(blocked: tuple[Path, Path]) -> None:

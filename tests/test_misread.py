@@ -128,6 +128,20 @@ def test_a_jump_counts_neither_for_a_moment_nor_slow_nor_with_the_input() -> Non
     assert rows_of(found(still + 1.6 * (rows >= 300), still), 500)[300:].all()
 
 
+def test_no_jump_is_away_from_what_nobody_knows() -> None:
+    """An actuator that comes free goes on to where the reference never was."""
+    before, after = (
+        cast(Any, type("Data", (), {"trials": (moving(a),)}))
+        for a in (HELD, HELD + np.where(np.arange(500) >= 300, 6.0, -6.0))
+    )
+    step = np.where(np.arange(500) < 100, 0.0, 50.0)
+    unsure = np.full(500, 0.5)
+    assert misread(before, after, [step], [HELD + 2.0], [unsure]) == ((),)
+    assert misread(before, after, [step], [HELD - 2.0], [unsure])[0]
+    unsure[300:] = np.inf
+    assert misread(before, after, [step], [HELD - 2.0], [unsure]) == ((),)
+
+
 def test_what_is_read_in_later_trials_is_of_that_place_too() -> None:
     step = np.where(np.arange(500) < 100, 0.0, 50.0)
     fell = HELD - 6.0 * (np.arange(500) >= 300)

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
+from spa_fo.compare.bounds import learn_bounds
 from spa_fo.compare.drive_law import know_drive, shows_drive
 from spa_fo.compare.expectation import best, noise_of
-from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal
-from spa_fo.compare.learning import learn
-from spa_fo.compare.misread import Misread, misread, rows_of, with_misread
+from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, inputs
+from spa_fo.compare.learning import learn, ways
+from spa_fo.compare.misread import CLEARLY, Misread, misread, rows_of, with_misread
 from spa_fo.compare.zero import at_rest_deg, moving_deg
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Foreseen, largest_deg
@@ -240,7 +241,7 @@ def _know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> _A
     """Learn what the model misses on the reference, and say what that lets expect."""
     missed, there = _missed(reference, plain), _missed(data, plain)
     law = learn(missed, _unrepeated_deg(reference))
-    common, unvisited = law.predict(there), law.unvisited(there)
+    common, unvisited = _bounded(law, missed, reference, there, data)
     foreseen = [
         trial.angle_deg - signal.missed + mean
         for trial, signal, (mean, _) in zip(data.trials, there, common, strict=True)
@@ -254,6 +255,38 @@ def _know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> _A
         rows | rows_of(found, rows.size) for rows, found in zip(unvisited, wrong, strict=True)
     ]
     return _AngleKnown(law, missed, common, sigma, wrong, unvisited)
+
+
+def _bounded(
+    law: FadingMemoryLaw,
+    missed: Sequence[Signal],
+    reference: CampaignData,
+    there: Sequence[Signal],
+    data: CampaignData,
+) -> tuple[list[tuple[Floats, Floats]], list[NDArray[np.bool_]]]:
+    """Say what the law lets expect, and where the reference never was.
+
+    Where a reading there is surely out of its bounds, it is held against the nearer one.
+    """
+    common, unvisited = law.predict(there), law.unvisited(there)
+    if not any(rows.any() for rows in unvisited):
+        return common, unvisited
+    readings = np.concatenate([trial.angle_deg for trial in reference.trials])
+    known = learn_bounds(np.concatenate(inputs(missed, law.lags_s)), readings, ways(missed))
+    own = float(np.sqrt(law.chosen.expected(np.zeros(1))[0]))
+    for i, (trial, x) in enumerate(zip(data.trials, inputs(there, law.lags_s), strict=True)):
+        rows, (mean, deviation) = np.flatnonzero(unvisited[i]), common[i]
+        predicted = trial.angle_deg - there[i].missed
+        read, low, high = trial.angle_deg[rows], *known.of(x[rows])
+        bound = np.clip(read, low, high)
+        out = np.abs(read - bound) > CLEARLY * np.hypot(own, _of_a_day(bound))
+        rows, bound, low, high = rows[out], bound[out], low[out], high[out]
+        # What the law foresees, as far as the bounds let it: they are as far as it may be off.
+        foreseen = np.clip((predicted + mean)[rows], low, high)
+        mean[rows] = foreseen - predicted[rows]
+        deviation[rows] = np.hypot(own, (foreseen - bound) / CLEARLY)
+        unvisited[i][rows] = False
+    return common, unvisited
 
 
 def _beyond(

@@ -30,7 +30,7 @@ _LONGER = 3.0  # than any in the reference, in samples: there a quiet converter 
 _FASTER = 3.0  # than ever in the reference, whatever its input did
 _ABOUT = 5  # samples before and after a jump: what comes back within them is a dropout
 _STAYS = 0.05  # of its range, the input at a jump and over `_LEAST_S` before it
-_CLEARLY = 3.0  # deviations of what is foreseen
+CLEARLY = 3.0  # deviations of what is foreseen
 _MOVES = 0.2  # of its range, by the input, or by the reading
 _BEYOND = 0.5  # of the range that the reference read, below the lowest of it
 _LOOK = Step(
@@ -136,9 +136,9 @@ def _still(
             continue
         rows, value = np.arange(begin, end), float(angle[begin])
         away = foreseen[rows] - value
-        if moved and value == largest and np.all(away > -_CLEARLY * deviation[rows]):
+        if moved and value == largest and np.all(away > -CLEARLY * deviation[rows]):
             continue
-        elsewhere = bool(np.any(np.abs(away) > _CLEARLY * deviation[rows]))
+        elsewhere = bool(np.any(np.abs(away) > CLEARLY * deviation[rows]))
         driven = float(np.ptp(drive[rows])) > _MOVES * float(np.ptp(drive))
         # From the start on it may not have begun to move yet.
         if elsewhere or (driven and (begin > 0 or end == angle.size)):
@@ -215,9 +215,10 @@ def _jump(
     """
     longer = max(1.0, float(np.median(np.diff(trial.t_s))) / seen.every_s)
     wrong = np.convolve(rows_of(found, trial.t_s.size), np.ones(2 * _ABOUT + 1), mode="same") > 0.0
-    least = np.maximum(_FASTER * longer * seen.jump_deg, _CLEARLY * deviation)
+    least = np.maximum(_FASTER * longer * seen.jump_deg, CLEARLY * deviation)
     large = (_jumps(trial.angle_deg) > least) & ~wrong
-    away = np.abs(trial.angle_deg - foreseen)
+    # Where nobody knows what is to be expected, nothing is away from it.
+    away = np.where(np.isinf(deviation), 0.0, np.abs(trial.angle_deg - foreseen))
     for row in np.flatnonzero(large).tolist():
         before = slice(int(np.searchsorted(trial.t_s, trial.t_s[row] - _LEAST_S)), row + 2)
         if np.ptp(drive[before]) <= _STAYS * np.ptp(drive) and away[row + 1] > away[row - 1]:

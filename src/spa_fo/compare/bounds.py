@@ -1,0 +1,102 @@
+"""Bounds of an angle where the reference never was.
+
+An actuator that is pressed at least as hard at all times bends at least as far: viscoelastic bodies
+preserve order so, and hysteresis of Preisach's kind does (Brokate and Sprekels 1996,
+doi:10.1007/978-1-4612-4048-8). So where the input, its lags and its largest value are all beyond
+those of some moment of the reference, the angle is no less than what the reference read then, and
+likewise no more. A reference breaks that itself, as it scatters or swings: the bounds are the
+tightest that it keeps, and are wider by the most that it breaks them where it took no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.compare.fading_memory import telling
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+_MOST = 2000  # moments of a reference: memory
+_AT_ONCE = 500  # of those that are asked for: memory
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a reading is bounded by, by what has been of the input.
+
+    Attributes
+    ----------
+    at : (n, k) array
+        What has been of it at some moments of the reference.
+    least, most : (n,) arrays
+        What was read, at the least, wherever all of that was as large; and at the most, wherever
+        it was as small.
+    slack : float
+        By how much the bounds are wider.
+    """
+
+    at: Floats
+    least: Floats
+    most: Floats
+    slack: float = 0.0
+
+    def of(self, x: Floats) -> tuple[Floats, Floats]:
+        """Bound the reading at other moments, (m, k): from below and above, infinite where not."""
+        low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
+        for first in range(0, len(x), _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            low[some] = np.where(beyond(x[some], self.at), self.least, -np.inf).max(axis=1)
+            high[some] = np.where(beyond(self.at, x[some]).T, self.most, np.inf).min(axis=1)
+        return low - self.slack, high + self.slack
+
+    def nearest(self, x: Floats, readings: Floats) -> Floats:
+        """Move readings at other moments, (m,), no farther than within their bounds."""
+        return np.clip(readings, *self.of(x))
+
+
+def beyond(one: Floats, other: Floats) -> Bools:
+    """Say which of some moments, (n, k), are nowhere less than which others, (m, k): (n, m)."""
+    found = np.ones((len(one), len(other)), dtype=bool)
+    for mine, theirs in zip(one.T, other.T, strict=True):
+        found &= mine[:, None] >= theirs
+    return found
+
+
+def learn_bounds(x: Floats, readings: Floats, groups: Sequence[Integers]) -> Bounds:
+    """Learn the bounds from a reference.
+
+    Parameters
+    ----------
+    x : (n, k) array
+        What has been of the input at each of its rows; see `fading_memory.inputs`.
+    readings : (n,) array
+        What was read there.
+    groups : sequence of (n,) arrays
+        The ways in which rows are left out together: numbers of what each belongs to.
+    """
+    scale = np.maximum(x.std(axis=0), 1e-9)
+    chosen = telling(x / scale, _MOST)
+    at, read = x[chosen], readings[chosen]
+    slack = 0.0
+    for group in groups:
+        for one in np.unique(group[chosen]):
+            left_out = group[chosen] == one
+            if left_out.all():
+                continue
+            others = _tightest(at[~left_out], read[~left_out])
+            kept = others.nearest(at[left_out], read[left_out])
+            slack = max(slack, float(np.abs(kept - read[left_out]).max()))
+    return replace(_tightest(at, read), slack=slack)
+
+
+def _tightest(at: Floats, read: Floats) -> Bounds:
+    """Give the tightest bounds that some readings keep."""
+    larger = beyond(at, at)
+    least = np.where(larger.T, read, np.inf).min(axis=1)
+    return Bounds(at, least, np.where(larger, read, -np.inf).max(axis=1))
