@@ -170,6 +170,22 @@ def test_the_page_parts_the_claims_by_rig_and_kind_of_answer(scores: dict[str, A
     assert cells[5] == f"{claims['close']['value']:.3f}"
 
 
+def test_the_page_parts_the_claims_by_how_sure_they_are(scores: dict[str, Any]) -> None:
+    own = scores["rigs"]["second_rig"]
+    point = {"case": "one", "kind": "closed", "size": 4.0, "refit": 0.0}
+    narrow = point | {"claimed": 0.9, "low": 0.85, "high": 1.0, "realised": 0.95}
+    wide = point | {"claimed": 0.9, "low": -1.0, "high": 1.0, "realised": 0.2}
+    rigs = scores["rigs"] | {"second_rig": own | {"shrink": [narrow, wide, wide, narrow]}}
+    page = document(scores | {"rigs": rigs}, ORIGIN, Further())
+    starts = tuple(f"| second rig | {width} |" for width in ("0 to 0.25", "0.25 to 0.5", "0.5 up"))
+    lines = [line for line in page.splitlines() if line.startswith(starts)]
+    assert [line.split("|")[2:5] for line in lines] == [
+        [" 0 to 0.25 ", " 2 ", " 1.000 "],
+        [" 0.25 to 0.5 ", " 0 ", " – "],
+        [" 0.5 up ", " 2 ", " 0.000 "],
+    ]
+
+
 def test_priors_and_measured_actuators_are_on_the_page(scores: dict[str, Any]) -> None:
     page = document(scores, ORIGIN, Further(priors=PRIORS, measured="Three of them were quiet."))
     assert f"| {' | '.join(PRIORS[0])} |" in page

@@ -63,6 +63,10 @@ false alarm, and beside the truth it is no wrong name. Intervals are Wilson's fo
 bootstrap over cases for means; the rigs are compared by square and add of their intervals. A
 claimed shrink is judged where the plain model's error on the later campaign is at least {clear:g}
 times the noise floor of the specimen's own repeated trials ({left_out} claims are not)."""
+_WIDTHS = """\
+A claim's own interval says how far it can be trusted: it is wide where the trials that were held
+out are few, or say different things."""
+
 _HISTORY = """\
 Every published run, in order of time; what was not reached is bold. The diagnosis changed between
 runs, and each run has new cases. All values with their commits:
@@ -142,6 +146,8 @@ def document(
         *_figure("calibration", folder),
         "## Claims of how far the gap closes, by kind of answer",
         sections.claims(scores),
+        _WIDTHS,
+        sections.claims_by_width(scores),
         *_figure("shrink", folder),
         "## Errors of the given model",
         sections.shifts(scores),

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from itertools import pairwise
 from typing import Any
 
 from blind.judge.check import goal
 from blind.judge.effects import DETECTED
+from blind.judge.questions import ShrinkPoint
+from blind.judge.statistics import rate
 from blind.judge.targets import (
     BOTH_RIGS,
     ENOUGH,
@@ -32,6 +37,7 @@ Scores = Mapping[str, Any]
 
 _WORST_CLASSES = 12
 _MOST_MESSAGES = 20
+_WIDTHS = (0.25, 0.5)  # of a claim's interval
 _ANSWER_NAMES = {
     "no_gap": "no gap",
     "cause": "one cause",
@@ -216,6 +222,21 @@ def claims(scores: Scores) -> str:
         "interval holds",
     )
     return rows(titles, "llrrrrlr", cells)
+
+
+def claims_by_width(scores: Scores) -> str:
+    """Tell how claims held, by how sure they are of themselves."""
+    cells = []
+    for rig, own in scores["rigs"].items():
+        points = [ShrinkPoint(**point) for point in own["shrink"]]
+        for low, high in pairwise((0.0, *_WIDTHS, math.inf)):
+            close = asdict(rate([p.close for p in points if low <= p.high - p.low < high]))
+            words = "up" if math.isinf(high) else f"to {high:g}"
+            share = close["value"] if close["n"] else None
+            width = f"{low:g} {words}"
+            cells.append([rig_name(rig), width, str(close["n"]), figure(share), ends(close)])
+    titles = ("rig", "width of the claim's 95 % interval", "judged", "within 10 points", "95 %")
+    return rows(titles, "llrrl", cells)
 
 
 def shifts(scores: Scores) -> str:
