@@ -109,6 +109,9 @@ def test_what_is_pressed_harder_than_ever_and_bends_less_has_changed(tmp_path: P
     shares = found.change.where.stage
     assert shares is not None
     assert max(shares, key=lambda stage: shares[stage]) == "actuator"
+    said = [text for text in found.change.findings if "bends less" in text]
+    assert len(said) == len(blocked)
+    assert said[0].startswith("From 1")  # its step's second
 
 
 def test_a_campaign_is_as_it_is(blocked: tuple[Path, Path]) -> None:

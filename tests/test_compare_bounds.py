@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from spa_fo.compare.bounds import beyond, learn_bounds
+from spa_fo.compare.bounds import learn_bounds, no_less
 from spa_fo.compare.fading_memory import Signal, inputs
 
 LAGS_S = np.array([0.2, 2.0])
@@ -56,7 +56,7 @@ def read_at(some: np.ndarray, at: np.ndarray, read: np.ndarray) -> np.ndarray:
 def test_what_is_nowhere_less() -> None:
     one = np.array([[1.0, 2.0], [3.0, 0.0]])
     other = np.array([[1.0, 1.0], [0.0, 3.0], [3.0, 0.0]])
-    assert beyond(one, other).tolist() == [[True, False, False], [False, False, True]]
+    assert no_less(one, other).tolist() == [[True, False, False], [False, False, True]]
 
 
 def response(kpa: np.ndarray, t: np.ndarray) -> np.ndarray:

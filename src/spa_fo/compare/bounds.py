@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.compare.fading_memory import telling
+from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -51,8 +52,8 @@ class Bounds:
         low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
         for first in range(0, len(x), _AT_ONCE):
             some = slice(first, first + _AT_ONCE)
-            low[some] = np.where(beyond(x[some], self.at), self.least, -np.inf).max(axis=1)
-            high[some] = np.where(beyond(self.at, x[some]).T, self.most, np.inf).min(axis=1)
+            low[some] = np.where(no_less(x[some], self.at), self.least, -np.inf).max(axis=1)
+            high[some] = np.where(no_less(self.at, x[some]).T, self.most, np.inf).min(axis=1)
         return low - self.slack, high + self.slack
 
     def nearest(self, x: Floats, readings: Floats) -> Floats:
@@ -60,7 +61,7 @@ class Bounds:
         return np.clip(readings, *self.of(x))
 
 
-def beyond(one: Floats, other: Floats) -> Bools:
+def no_less(one: Floats, other: Floats) -> Bools:
     """Say which of some moments, (n, k), are nowhere less than which others, (m, k): (n, m)."""
     found = np.ones((len(one), len(other)), dtype=bool)
     for mine, theirs in zip(one.T, other.T, strict=True):
@@ -97,6 +98,17 @@ def learn_bounds(x: Floats, readings: Floats, groups: Sequence[Integers]) -> Bou
 
 def _tightest(at: Floats, read: Floats) -> Bounds:
     """Give the tightest bounds that some readings keep."""
-    larger = beyond(at, at)
+    larger = no_less(at, at)
     least = np.where(larger.T, read, np.inf).min(axis=1)
     return Bounds(at, least, np.where(larger, read, -np.inf).max(axis=1))
+
+
+def broken_text(trial: Trial, rows: Integers, by_deg: Floats) -> str:
+    """Say in a sentence where a trial breaks its bounds, and by how much; negative is less."""
+    time_s, most = trial.t_s[rows], float(by_deg[np.argmax(np.abs(by_deg))])
+    how = ("harder", "less") if most < 0.0 else ("less", "farther")
+    return (
+        f"From {time_s[0]:.3g} to {time_s[-1]:.3g} s of {trial.label} ({rows.size} samples) the "
+        f"actuator was pressed {how[0]} than the reference shows, and bends {how[1]} than that "
+        f"lets expect in any case, by up to {abs(most):.2g}°."
+    )

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
-from spa_fo.compare.bounds import learn_bounds
+from spa_fo.compare.bounds import broken_text, learn_bounds
 from spa_fo.compare.drive_law import know_drive, shows_drive
 from spa_fo.compare.expectation import best, noise_of
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, inputs
 from spa_fo.compare.learning import learn, ways
-from spa_fo.compare.misread import CLEARLY, Misread, misread, rows_of, with_misread
+from spa_fo.compare.misread import CLEARLY, LEAST, LEAST_S, Misread, misread, rows_of, with_misread
 from spa_fo.compare.zero import at_rest_deg, moving_deg
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Foreseen, largest_deg
@@ -188,6 +188,7 @@ def compare(
         beyond=beyond,
     )
     found = tuple(each for own in known.misread for each in own)
+    change = replace(change, findings=(*known.broken, *change.findings))
     change = with_misread(change, found, sum(rows.size for rows in known.unvisited))
     if beyond.says_nothing and not found:
         where = replace(change.where, stage=None, not_known=_NOT_COMPARED, assumed=None)
@@ -223,6 +224,8 @@ class _AngleKnown:
         What it lets expect that the model misses, and its deviation, deg.
     sigma : sequence of arrays
         The same deviation with that of a day, deg; infinite where the reference never was.
+    broken : tuple of str
+        Sentences on where a reading is out of its bounds.
     misread : tuple
         What is none of an actuator's readings.
     unvisited : sequence of arrays
@@ -233,6 +236,7 @@ class _AngleKnown:
     missed: Sequence[Signal]
     common: Sequence[tuple[Floats, Floats]]
     sigma: Sequence[Floats]
+    broken: tuple[str, ...]
     misread: tuple[tuple[Misread, ...], ...]
     unvisited: Sequence[NDArray[np.bool_]]
 
@@ -241,7 +245,7 @@ def _know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> _A
     """Learn what the model misses on the reference, and say what that lets expect."""
     missed, there = _missed(reference, plain), _missed(data, plain)
     law = learn(missed, _unrepeated_deg(reference))
-    common, unvisited = _bounded(law, missed, reference, there, data)
+    common, unvisited, broken = _bounded(law, missed, reference, there, data)
     foreseen = [
         trial.angle_deg - signal.missed + mean
         for trial, signal, (mean, _) in zip(data.trials, there, common, strict=True)
@@ -254,7 +258,7 @@ def _know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> _A
     unvisited = [
         rows | rows_of(found, rows.size) for rows, found in zip(unvisited, wrong, strict=True)
     ]
-    return _AngleKnown(law, missed, common, sigma, wrong, unvisited)
+    return _AngleKnown(law, missed, common, sigma, broken, wrong, unvisited)
 
 
 def _bounded(
@@ -263,14 +267,15 @@ def _bounded(
     reference: CampaignData,
     there: Sequence[Signal],
     data: CampaignData,
-) -> tuple[list[tuple[Floats, Floats]], list[NDArray[np.bool_]]]:
-    """Say what the law lets expect, and where the reference never was.
+) -> tuple[list[tuple[Floats, Floats]], list[NDArray[np.bool_]], tuple[str, ...]]:
+    """Say what the law lets expect, where the reference never was, and which bounds are broken.
 
-    Where a reading there is surely out of its bounds, it is held against the nearer one.
+    What is read surely out of its bounds for a while is compared, wherever it is.
     """
     common, unvisited = law.predict(there), law.unvisited(there)
     if not any(rows.any() for rows in unvisited):
-        return common, unvisited
+        return common, unvisited, ()
+    broken = []
     readings = np.concatenate([trial.angle_deg for trial in reference.trials])
     known = learn_bounds(np.concatenate(inputs(missed, law.lags_s)), readings, ways(missed))
     own = float(np.sqrt(law.chosen.expected(np.zeros(1))[0]))
@@ -281,12 +286,15 @@ def _bounded(
         bound = np.clip(read, low, high)
         out = np.abs(read - bound) > CLEARLY * np.hypot(own, _of_a_day(bound))
         rows, bound, low, high = rows[out], bound[out], low[out], high[out]
+        if rows.size < LEAST or trial.t_s[rows[-1]] - trial.t_s[rows[0]] < LEAST_S:
+            continue
         # What the law foresees, as far as the bounds let it: they are as far as it may be off.
         foreseen = np.clip((predicted + mean)[rows], low, high)
         mean[rows] = foreseen - predicted[rows]
         deviation[rows] = np.hypot(own, (foreseen - bound) / CLEARLY)
         unvisited[i][rows] = False
-    return common, unvisited
+        broken.append(broken_text(trial, rows, trial.angle_deg[rows] - bound))
+    return common, unvisited, tuple(broken)
 
 
 def _beyond(
@@ -309,6 +317,7 @@ def _beyond(
         read_deg=largest_deg(reference.trials),
         unvisited=float(np.mean(np.concatenate(known.unvisited))),
         trials=len(reference.trials),
+        broken=bool(known.broken),
         usual=tuple(
             Foreseen(mean, deviation, rows)
             for (mean, deviation), rows in zip(known.common, known.unvisited, strict=True)

@@ -25,11 +25,11 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_LEAST_S, _LEAST = 0.5, 10  # of one value
+LEAST_S, LEAST = 0.5, 10  # of one value
 _LONGER = 3.0  # than any in the reference, in samples: there a quiet converter repeats itself, too
 _FASTER = 3.0  # than ever in the reference, whatever its input did
 _ABOUT = 5  # samples before and after a jump: what comes back within them is a dropout
-_STAYS = 0.05  # of its range, the input at a jump and over `_LEAST_S` before it
+_STAYS = 0.05  # of its range, the input at a jump and over `LEAST_S` before it
 CLEARLY = 3.0  # deviations of what is foreseen
 _MOVES = 0.2  # of its range, by the input, or by the reading
 _BEYOND = 0.5  # of the range that the reference read, below the lowest of it
@@ -132,7 +132,7 @@ def _still(
     largest, moved = float(angle.max()), float(np.ptp(angle)) > _MOVES * seen.range_deg
     for begin, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         lasts_s = float(trial.t_s[end - 1] - trial.t_s[begin])
-        if end - begin < max(_LEAST, _LONGER * seen.longest) or lasts_s < _LEAST_S:
+        if end - begin < max(LEAST, _LONGER * seen.longest) or lasts_s < LEAST_S:
             continue
         rows, value = np.arange(begin, end), float(angle[begin])
         away = foreseen[rows] - value
@@ -155,7 +155,7 @@ def _far(trial: Trial, foreseen: Floats, seen: _Reference) -> Iterator[Misread]:
     """Find where the reading is out of the actuator's reach."""
     angle = trial.angle_deg
     rows = np.flatnonzero(angle < seen.low_deg - _BEYOND * seen.range_deg)
-    if rows.size < _LEAST:
+    if rows.size < LEAST:
         return
     away = foreseen[rows] - angle[rows]
     text = (
@@ -220,7 +220,7 @@ def _jump(
     # Where nobody knows what is to be expected, nothing is away from it.
     away = np.where(np.isinf(deviation), 0.0, np.abs(trial.angle_deg - foreseen))
     for row in np.flatnonzero(large).tolist():
-        before = slice(int(np.searchsorted(trial.t_s, trial.t_s[row] - _LEAST_S)), row + 2)
+        before = slice(int(np.searchsorted(trial.t_s, trial.t_s[row] - LEAST_S)), row + 2)
         if np.ptp(drive[before]) <= _STAYS * np.ptp(drive) and away[row + 1] > away[row - 1]:
             return row
     return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -225,7 +226,8 @@ def _answered(
         verdict = alone_if_rare(verdict)
         size, expected = differs(examined.everything, claimed.curves["plain"], beyond)
         of_drive = times_missed_of_drive(examined.everything, beyond)
-        verdict = beyond_expected(verdict, size / expected, beyond.changed, of_drive, claimed)
+        times = math.inf if beyond.broken else size / expected
+        verdict = beyond_expected(verdict, times, beyond.changed, of_drive, claimed)
         if examined.everything.fixture is None:
             verdict = no_sensor_s_alone(with_equivalents(verdict, claimed))
         if beyond.says_nothing:

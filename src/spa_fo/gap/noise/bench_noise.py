@@ -128,6 +128,7 @@ class Beyond:
     read_deg: float = 0.0  # largest angle that the reference has read
     unvisited: float = 0.0  # share of the campaign's rows where the reference never was
     trials: int = 1  # of the reference
+    broken: bool = False  # whether an angle is out of what any of the reference's lets expect
 
     @property
     def says_nothing(self) -> bool:
