@@ -1,5 +1,6 @@
 """From evidence to an answer."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spa_fo.gap.answer.causes import _named
+from spa_fo.gap.answer.causes import _named, _uncalibrated
 from spa_fo.gap.data.hold_out import fraction_closed, hold_out
 from spa_fo.gap.decide import weigh
 from spa_fo.gap.decide.verdict import Scored, judge, said, stage_shares
 from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import acts_like, log_odds
+from spa_fo.plant.effects.library import LIBRARY, absent, acts_like, log_odds
 
 GAP_DEG, FLOOR_DEG = 4.0, 0.5
 
@@ -101,21 +102,38 @@ def test_stage_shares_weigh_by_square_and_probability():
     )
 
 
+def uncalibrated(since):
+    """Share a creep and a freeze of the sensor out; half is bent at 30 % of the campaign."""
+    effects, freeze = absent(), LIBRARY["sensor_freeze"]
+    effects[freeze.first + freeze.moment] = since
+    moved = {"sensor_creep": 1.0, "sensor_freeze": 3.0}
+    one = scored(("sensor_creep", "sensor_freeze"), 0.5, moved)
+    one = replace(one, angle=SimpleNamespace(effects=effects))
+    steps = np.arange(101)
+    grid = SimpleNamespace(middle_s=50.0 + steps, sample_step=steps)
+    return _named(judge([one], 0.5, 0.0), _uncalibrated(grid, np.clip(steps, 0, 60)))
+
+
 def test_without_a_calibration_it_is_even_whose_is_what_the_actuator_may_do_as_well():
     """What nothing in an actuator does alike, as a reading that stands still, is the sensor's."""
-    moved = {"sensor_creep": 1.0, "sensor_freeze": 3.0}
-    every = [scored(("sensor_creep", "sensor_freeze"), 0.5, moved)]
-    verdict = judge(every, 0.5, 0.0)
-    shares, said_so = _named(verdict, True)
+    shares, said_so = uncalibrated(since=0.35)
     assert shares == pytest.approx(
         {"drive": 0.0, "actuator": 0.05, "sensor": 0.95, "acquisition": 0.0}
     )
     assert "shared evenly" in said_so
-    assert _named(verdict, False) == (stage_shares(verdict), "")
-    assert _named(judge([scored(("creep",), 0.5)], 0.5, 0.0), True)[1] == ""
+    verdict = judge([scored(("creep",), 0.5)], 0.5, 0.0)
+    assert _named(verdict, None) == (stage_shares(verdict), "")
     assert acts_like("sensor_creep", "actuator")
+    assert acts_like("sensor_saturation", "actuator")
     assert acts_like("creep", "sensor")
     assert not acts_like("sensor_freeze", "actuator")
+
+
+def test_what_a_sensor_does_before_the_actuator_has_bent_may_be_the_actuator_s_as_well():
+    shares, _ = uncalibrated(since=0.25)
+    assert shares == pytest.approx(
+        {"drive": 0.0, "actuator": 0.5, "sensor": 0.5, "acquisition": 0.0}
+    )
 
 
 def test_small_sets_come_first_and_a_shift_beside_another_last():

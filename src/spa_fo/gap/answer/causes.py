@@ -13,12 +13,13 @@ from spa_fo.gap.claim.claimed import Claim
 from spa_fo.gap.data.evidence import angle_chain
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import Explanation, explanation_of
-from spa_fo.gap.decide.verdict import Verdict, said, stage_shares
+from spa_fo.gap.decide.verdict import Scored, StagesOf, Verdict, said, stage_shares
 from spa_fo.gap.diagnosis import Cause, Traces
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
 from spa_fo.plant.effects.effect import STAGES, Stage
 from spa_fo.plant.effects.library import LIBRARY, absent, acts_like
+from spa_fo.plant.grid import CampaignGrid
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -34,6 +35,7 @@ _NO_CALIBRATION = (
     "assumed: no calibration was logged, and without one what changed in the sensor looks as if it "
     "were in the actuator"
 )
+_BENT = 0.5  # of the farthest that it is expected to bend: a sensor has read some of it. Assumed.
 _EVENLY = "; a named part that either does alike is shared evenly"
 
 
@@ -81,7 +83,7 @@ def stages(
     if verdict.kind == "no_gap":
         return StageShares(dict.fromkeys(STAGES, 0.0))
     either = verdict.kind == "unknown" and expected is not None and fixture is None
-    known, evenly = _named(verdict, either)
+    known, evenly = _named(verdict, _uncalibrated(grid, plain_deg) if either else None)
     by_command = grid.command_kpa is not None and not everything.has_pressure
     if verdict.kind != "unknown" or (verdict.sets and by_command):
         return StageShares(known, assumed=_NO_CALIBRATION + evenly if evenly else None)
@@ -119,20 +121,34 @@ def stages(
     return StageShares(shares, assumed=_NO_CALIBRATION + evenly if fixture is None else None)
 
 
-def _named(verdict: Verdict, either: bool) -> tuple[Mapping[str, float], str]:
-    """Share out what is named; `either`: to both stages that a part may be in, and say so."""
+def _named(verdict: Verdict, stages_of: StagesOf | None) -> tuple[Mapping[str, float], str]:
+    """Share out what is named, to all stages that a part may be in, and say if that is so."""
     own = stage_shares(verdict)
-    shared = stage_shares(verdict, _may_be_in) if either else own
+    shared = own if stages_of is None else stage_shares(verdict, stages_of)
     return shared, _EVENLY if shared != own else ""
 
 
-def _may_be_in(name: str) -> tuple[Stage, ...]:
+def _uncalibrated(grid: CampaignGrid, plain_deg: Floats) -> StagesOf:
     """Say in which stages a part of a change may be where no calibration was logged.
 
-    Whether it is the sensor's or the actuator's that acts alike is taken to be even.
+    Whether it is the sensor's or the actuator's that acts alike is taken to be even. So does a
+    sensor that came off before the actuator had bent: none of its readings is of the time before.
     """
-    stage = LIBRARY[name].stage
-    return (stage, "actuator") if stage == "sensor" and acts_like(name, "actuator") else (stage,)
+    moved = np.abs(plain_deg - plain_deg[0])
+    first = grid.sample_step[int(np.argmax(moved >= _BENT * moved.max()))]
+    begins_s, ends_s = grid.middle_s[0], grid.middle_s[-1]
+    bent = float((grid.middle_s[first] - begins_s) / (ends_s - begins_s))
+
+    def stages_of(one: Scored, name: str) -> tuple[Stage, ...]:
+        effect = LIBRARY[name]
+        from_the_start = (
+            effect.moment is not None and one.angle.effects[effect.first + effect.moment] < bent
+        )
+        if effect.stage == "sensor" and (from_the_start or acts_like(name, "actuator")):
+            return (effect.stage, "actuator")
+        return (effect.stage,)
+
+    return stages_of
 
 
 def _stood(first: Verdict, standing: Container[Ids]) -> float:

@@ -83,23 +83,25 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
     return "cause" if len(standing) == 1 else "ambiguous", tuple(standing)
 
 
-def _own_stage(name: str) -> tuple[Stage, ...]:
+StagesOf = Callable[[Scored, str], tuple[Stage, ...]]
+"""From an explanation and one of its effects to the stages that this may be in."""
+
+
+def _own_stage(_: Scored, name: str) -> tuple[Stage, ...]:
     return (LIBRARY[name].stage,)
 
 
-def stage_shares(
-    verdict: Verdict, stages_of: Callable[[str], tuple[Stage, ...]] = _own_stage
-) -> dict[str, float]:
+def stage_shares(verdict: Verdict, stages_of: StagesOf = _own_stage) -> dict[str, float]:
     """Share of the explained squared gap by stage, over all explanations by probability.
 
-    `stages_of` says in which stages an effect may be: evenly.
+    Where an effect may be in several, it is shared evenly.
     """
     shares = dict.fromkeys(STAGES, 0.0)
     for one in verdict.scored:
         squares = {name: size**2 for name, size in one.moved_deg.items()}
         whole = max(sum(squares.values()), 1e-30)
         for name, square in squares.items():
-            stages = stages_of(name)
+            stages = stages_of(one, name)
             for stage in stages:
                 shares[stage] += one.probability * square / whole / len(stages)
     total = sum(shares.values())

@@ -217,6 +217,12 @@ class Effect:
         return names
 
     @property
+    def moment(self) -> int | None:
+        """Which parameter, `since`, says when it begins as a share of the campaign, if any."""
+        names = [parameter.name for parameter in self.parameters]
+        return names.index("since") if "since" in names else None
+
+    @property
     def meanings(self) -> Mapping[str, str]:
         """What its parameters are, by name."""
         return {p.name: p.means for p in self.parameters} | dict(self.coefficients)

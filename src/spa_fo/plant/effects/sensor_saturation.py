@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Effect, shape
+from spa_fo.plant.effects.effect import Check, Effect, shape
 from spa_fo.plant.effects.shared import Floats
 
 EFFECT = Effect(
@@ -39,6 +39,12 @@ EFFECT = Effect(
     remedy="change the divider's resistor or the gain, so that the whole range of angles fits",
     in_later=True,
     shown_in=("levels",),
+    equivalents={
+        "contact_stop": Check(
+            "bend the actuator by hand beyond where the reading ends",
+            "a body that is stopped does not go on, a sensor at its top goes on being bent",
+        )
+    },
     neutral={"ceiling_deg": 360.0, "knee_deg": 0.1},
 )
 
