@@ -1,4 +1,4 @@
-"""Bounds of an angle where the reference never was.
+"""Bounds of an angle where its input goes beyond all that a reference showed.
 
 An actuator that is pressed at least as hard at all times bends at least as far: viscoelastic bodies
 preserve order so, and hysteresis of Preisach's kind does (Brokate and Sprekels 1996,
@@ -109,6 +109,6 @@ def broken_text(trial: Trial, rows: Integers, by_deg: Floats) -> str:
     how = ("harder", "less") if most < 0.0 else ("less", "farther")
     return (
         f"From {time_s[0]:.3g} to {time_s[-1]:.3g} s of {trial.label} ({rows.size} samples) the "
-        f"actuator was pressed {how[0]} than the reference shows, and bends {how[1]} than that "
+        f"actuator was pressed {how[0]} than ever in the reference, and bends {how[1]} than that "
         f"lets expect in any case, by up to {abs(most):.2g}°."
     )

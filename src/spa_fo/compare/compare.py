@@ -19,7 +19,7 @@ from spa_fo.blas import one_blas_thread
 from spa_fo.compare.bounds import broken_text, learn_bounds
 from spa_fo.compare.drive_law import know_drive, shows_drive
 from spa_fo.compare.expectation import best, noise_of
-from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal, inputs
+from spa_fo.compare.fading_memory import ROOM, FadingMemoryLaw, Signal, inputs
 from spa_fo.compare.learning import learn, ways
 from spa_fo.compare.misread import CLEARLY, LEAST, LEAST_S, Misread, misread, rows_of, with_misread
 from spa_fo.compare.zero import at_rest_deg, moving_deg
@@ -270,7 +270,8 @@ def _bounded(
 ) -> tuple[list[tuple[Floats, Floats]], list[NDArray[np.bool_]], tuple[str, ...]]:
     """Say what the law lets expect, where the reference never was, and which bounds are broken.
 
-    What is read surely out of its bounds for a while is compared, wherever it is.
+    What is read surely out of its bounds for a while is compared, where the input is beyond all
+    that the reference showed.
     """
     common, unvisited = law.predict(there), law.unvisited(there)
     if not any(rows.any() for rows in unvisited):
@@ -279,8 +280,12 @@ def _bounded(
     readings = np.concatenate([trial.angle_deg for trial in reference.trials])
     known = learn_bounds(np.concatenate(inputs(missed, law.lags_s)), readings, ways(missed))
     own = float(np.sqrt(law.chosen.expected(np.zeros(1))[0]))
+    shown = np.concatenate([signal.input for signal in missed])
+    room = ROOM * np.ptp(shown)
     for i, (trial, x) in enumerate(zip(data.trials, inputs(there, law.lags_s), strict=True)):
-        rows, (mean, deviation) = np.flatnonzero(unvisited[i]), common[i]
+        kpa, (mean, deviation) = there[i].input, common[i]
+        farther = (kpa > shown.max() + room) | (kpa < shown.min() - room)
+        rows = np.flatnonzero(unvisited[i] & farther)
         predicted = trial.angle_deg - there[i].missed
         read, low, high = trial.angle_deg[rows], *known.of(x[rows])
         bound = np.clip(read, low, high)

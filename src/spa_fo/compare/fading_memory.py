@@ -25,7 +25,7 @@ Bools = NDArray[np.bool_]
 MOST_ASKED = 4000  # of a campaign; what is between is interpolated
 NEAREST = 32
 STEP_S = 0.02
-_ROOM = 0.05  # of the range of an input, by which it may go beyond what was learned from
+ROOM = 0.05  # of the range of an input, by which it may go beyond what was learned from
 NOTHING = 1e-12
 
 
@@ -190,7 +190,7 @@ class FadingMemoryLaw:
         law was tried.
         """
         low, high = self.at.min(axis=0), self.at.max(axis=0)
-        room = _ROOM * (high - low)
+        room = ROOM * (high - low)
         found = []
         for x in inputs(signals, self.lags_s):
             scaled = (x - self.centre) / self.scale
