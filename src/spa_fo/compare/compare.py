@@ -274,18 +274,20 @@ def _bounded(
     that the reference showed.
     """
     common, unvisited = law.predict(there), law.unvisited(there)
-    if not any(rows.any() for rows in unvisited):
+    shown = np.concatenate([signal.input for signal in missed])
+    low, high, room = shown.min(), shown.max(), ROOM * np.ptp(shown)
+    farther = [
+        np.flatnonzero(nowhere & ((signal.input < low - room) | (signal.input > high + room)))
+        for signal, nowhere in zip(there, unvisited, strict=True)
+    ]
+    if not any(rows.size for rows in farther):
         return common, unvisited, ()
     broken = []
     readings = np.concatenate([trial.angle_deg for trial in reference.trials])
     known = learn_bounds(np.concatenate(inputs(missed, law.lags_s)), readings, ways(missed))
     own = float(np.sqrt(law.chosen.expected(np.zeros(1))[0]))
-    shown = np.concatenate([signal.input for signal in missed])
-    room = ROOM * np.ptp(shown)
     for i, (trial, x) in enumerate(zip(data.trials, inputs(there, law.lags_s), strict=True)):
-        kpa, (mean, deviation) = there[i].input, common[i]
-        farther = (kpa > shown.max() + room) | (kpa < shown.min() - room)
-        rows = np.flatnonzero(unvisited[i] & farther)
+        rows, (mean, deviation) = farther[i], common[i]
         predicted = trial.angle_deg - there[i].missed
         read, low, high = trial.angle_deg[rows], *known.of(x[rows])
         bound = np.clip(read, low, high)
