@@ -16,7 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.compare.fading_memory import telling
+from spa_fo.compare.expectation import Expected, of_a_day
+from spa_fo.compare.fading_memory import ROOM, FadingMemoryLaw, Signal, inputs, telling
+from spa_fo.compare.learning import ways
+from spa_fo.compare.misread import CLEARLY, LEAST, LEAST_S
 from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
@@ -101,6 +104,84 @@ def _tightest(at: Floats, read: Floats) -> Bounds:
     larger = no_less(at, at)
     least = np.where(larger.T, read, np.inf).min(axis=1)
     return Bounds(at, least, np.where(larger, read, -np.inf).max(axis=1))
+
+
+@dataclass(frozen=True)
+class Held:
+    """What is expected of a campaign, as far as bounds let it be, by trial where it is a sequence.
+
+    Attributes
+    ----------
+    common : sequence of pairs
+        What its model is expected to miss, and the deviation of that, deg.
+    unvisited : sequence of arrays
+        Which rows are not compared.
+    sentences : tuple of str
+        Where a reading is out of its bounds.
+    """
+
+    common: list[Expected]
+    unvisited: list[Bools]
+    sentences: tuple[str, ...] = ()
+
+
+def hold_to_bounds(
+    law: FadingMemoryLaw,
+    missed: Sequence[Signal],
+    readings: Sequence[Floats],
+    there: Sequence[Signal],
+    trials: Sequence[Trial],
+    common: Sequence[Expected],
+    unvisited: Sequence[Bools],
+) -> Held:
+    """Compare what is read surely out of its bounds for a while, where nothing else is known.
+
+    That is where the input is beyond all that the reference showed.
+
+    Parameters
+    ----------
+    law, missed, readings : FadingMemoryLaw, sequences by trial of the reference
+        What was learned of it, of what, and what was read.
+    there, trials, common, unvisited : sequences by trial of the campaign
+        The same, what is expected of it without bounds, and where that is nothing.
+    """
+    farther = _farther(missed, there, unvisited)
+    if not any(rows.size for rows in farther):
+        return Held(list(common), list(unvisited))
+    x = np.concatenate(inputs(missed, law.lags_s))
+    known = learn_bounds(x, np.concatenate(readings), ways(missed))
+    own = float(np.sqrt(law.chosen.expected(np.zeros(1))[0]))
+    expected, nowhere, sentences = list(common), list(unvisited), []
+    for i, (trial, x) in enumerate(zip(trials, inputs(there, law.lags_s), strict=True)):
+        rows = farther[i]
+        low, high = known.of(x[rows])
+        bound = np.clip(trial.angle_deg[rows], low, high)
+        broken = np.abs(trial.angle_deg[rows] - bound) > CLEARLY * np.hypot(own, of_a_day(bound))
+        rows, (bound, low, high) = rows[broken], (each[broken] for each in (bound, low, high))
+        if rows.size < LEAST or trial.t_s[rows[-1]] - trial.t_s[rows[0]] < LEAST_S:
+            continue
+        mean, deviation = (each.copy() for each in common[i])
+        predicted = (trial.angle_deg - there[i].missed)[rows]
+        # What the law foresees, as far as the bounds let it: they are as far as it may be off.
+        foreseen = np.clip(predicted + mean[rows], low, high)
+        mean[rows] = foreseen - predicted
+        deviation[rows] = np.hypot(own, (foreseen - bound) / CLEARLY)
+        expected[i], nowhere[i] = (mean, deviation), unvisited[i].copy()
+        nowhere[i][rows] = False
+        sentences.append(broken_text(trial, rows, trial.angle_deg[rows] - bound))
+    return Held(expected, nowhere, tuple(sentences))
+
+
+def _farther(
+    missed: Sequence[Signal], there: Sequence[Signal], unvisited: Sequence[Bools]
+) -> list[Integers]:
+    """Give by trial the rows whose input is beyond all that the reference showed."""
+    shown = np.concatenate([signal.input for signal in missed])
+    low, high, room = shown.min(), shown.max(), ROOM * np.ptp(shown)
+    return [
+        np.flatnonzero(nowhere & ((signal.input < low - room) | (signal.input > high + room)))
+        for signal, nowhere in zip(there, unvisited, strict=True)
+    ]
 
 
 def broken_text(trial: Trial, rows: Integers, by_deg: Floats) -> str:

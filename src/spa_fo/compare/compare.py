@@ -16,24 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.blas import one_blas_thread
-from spa_fo.compare.bounds import broken_text, learn_bounds
+from spa_fo.compare.angle_law import AngleKnown, know_angle
 from spa_fo.compare.drive_law import know_drive, shows_drive
 from spa_fo.compare.expectation import best, noise_of
-from spa_fo.compare.fading_memory import ROOM, FadingMemoryLaw, Signal, inputs
-from spa_fo.compare.learning import learn, ways
-from spa_fo.compare.misread import CLEARLY, LEAST, LEAST_S, Misread, misread, rows_of, with_misread
+from spa_fo.compare.fading_memory import FadingMemoryLaw
+from spa_fo.compare.misread import Misread, with_misread
 from spa_fo.compare.zero import at_rest_deg, moving_deg
-from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Foreseen, largest_deg
 from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.gap.noise.bench_noise import NOWHERE, TYPICAL, Beyond
-from spa_fo.gap.noise.coloured import CORRELATION_S, TYPICAL_DEG
-from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
-from spa_fo.plant.augmented import predict_augmented
-from spa_fo.rig import CampaignData, Trial
+from spa_fo.rig import CampaignData
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -171,7 +166,7 @@ def compare(
         A log lacks the signal that drives the model.
     """
     progress(f"learning what the model misses on {len(reference.trials)} trials of the reference")
-    known = _know_angle(reference, data, plain)
+    known = know_angle(reference, data, plain)
     beyond = _beyond(reference, data, plain, known)
     trials, of_pressure = data.trials, None
     if plain.signal == "command" and all(map(shows_drive, (*reference.trials, *data.trials))):
@@ -210,103 +205,7 @@ def compare(
     )
 
 
-@dataclass(frozen=True)
-class _AngleKnown:
-    """What is known of the angle of a campaign by its reference, by trial where it is a sequence.
-
-    Attributes
-    ----------
-    law : FadingMemoryLaw
-        What the model misses on the reference, deg.
-    missed : sequence of Signal
-        That, by trial of the reference.
-    common : sequence of pairs
-        What it lets expect that the model misses, and its deviation, deg.
-    sigma : sequence of arrays
-        The same deviation with that of a day, deg; infinite where the reference never was.
-    broken : tuple of str
-        Sentences on where a reading is out of its bounds.
-    misread : tuple
-        What is none of an actuator's readings.
-    unvisited : sequence of arrays
-        Which rows are that, or where the reference never was.
-    """
-
-    law: FadingMemoryLaw
-    missed: Sequence[Signal]
-    common: Sequence[tuple[Floats, Floats]]
-    sigma: Sequence[Floats]
-    broken: tuple[str, ...]
-    misread: tuple[tuple[Misread, ...], ...]
-    unvisited: Sequence[NDArray[np.bool_]]
-
-
-def _know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> _AngleKnown:
-    """Learn what the model misses on the reference, and say what that lets expect."""
-    missed, there = _missed(reference, plain), _missed(data, plain)
-    law = learn(missed, _unrepeated_deg(reference))
-    common, unvisited, broken = _bounded(law, missed, reference, there, data)
-    foreseen = [
-        trial.angle_deg - signal.missed + mean
-        for trial, signal, (mean, _) in zip(data.trials, there, common, strict=True)
-    ]
-    sigma = [
-        np.where(nowhere, np.inf, np.hypot(own, _of_a_day(angle)))
-        for angle, (_, own), nowhere in zip(foreseen, common, unvisited, strict=True)
-    ]
-    wrong = misread(reference, data, [signal.input for signal in there], foreseen, sigma)
-    unvisited = [
-        rows | rows_of(found, rows.size) for rows, found in zip(unvisited, wrong, strict=True)
-    ]
-    return _AngleKnown(law, missed, common, sigma, broken, wrong, unvisited)
-
-
-def _bounded(
-    law: FadingMemoryLaw,
-    missed: Sequence[Signal],
-    reference: CampaignData,
-    there: Sequence[Signal],
-    data: CampaignData,
-) -> tuple[list[tuple[Floats, Floats]], list[NDArray[np.bool_]], tuple[str, ...]]:
-    """Say what the law lets expect, where the reference never was, and which bounds are broken.
-
-    What is read surely out of its bounds for a while is compared, where the input is beyond all
-    that the reference showed.
-    """
-    common, unvisited = law.predict(there), law.unvisited(there)
-    shown = np.concatenate([signal.input for signal in missed])
-    low, high, room = shown.min(), shown.max(), ROOM * np.ptp(shown)
-    farther = [
-        np.flatnonzero(nowhere & ((signal.input < low - room) | (signal.input > high + room)))
-        for signal, nowhere in zip(there, unvisited, strict=True)
-    ]
-    if not any(rows.size for rows in farther):
-        return common, unvisited, ()
-    broken = []
-    readings = np.concatenate([trial.angle_deg for trial in reference.trials])
-    known = learn_bounds(np.concatenate(inputs(missed, law.lags_s)), readings, ways(missed))
-    own = float(np.sqrt(law.chosen.expected(np.zeros(1))[0]))
-    for i, (trial, x) in enumerate(zip(data.trials, inputs(there, law.lags_s), strict=True)):
-        rows, (mean, deviation) = farther[i], common[i]
-        predicted = trial.angle_deg - there[i].missed
-        read, low, high = trial.angle_deg[rows], *known.of(x[rows])
-        bound = np.clip(read, low, high)
-        out = np.abs(read - bound) > CLEARLY * np.hypot(own, _of_a_day(bound))
-        rows, bound, low, high = rows[out], bound[out], low[out], high[out]
-        if rows.size < LEAST or trial.t_s[rows[-1]] - trial.t_s[rows[0]] < LEAST_S:
-            continue
-        # What the law foresees, as far as the bounds let it: they are as far as it may be off.
-        foreseen = np.clip((predicted + mean)[rows], low, high)
-        mean[rows] = foreseen - predicted[rows]
-        deviation[rows] = np.hypot(own, (foreseen - bound) / CLEARLY)
-        unvisited[i][rows] = False
-        broken.append(broken_text(trial, rows, trial.angle_deg[rows] - bound))
-    return common, unvisited, tuple(broken)
-
-
-def _beyond(
-    reference: CampaignData, data: CampaignData, plain: Model, known: _AngleKnown
-) -> Beyond:
+def _beyond(reference: CampaignData, data: CampaignData, plain: Model, known: AngleKnown) -> Beyond:
     """Put together what may differ without any change."""
     predicted = [
         t.angle_deg - s.missed for t, s in zip(reference.trials, known.missed, strict=True)
@@ -332,38 +231,5 @@ def _beyond(
     )
 
 
-def _of_a_day(angle_deg: Floats) -> Floats:
-    """Say by how much one day's angles differ from another's, at each row, deg."""
-    return np.asarray(np.hypot(TYPICAL.gain * angle_deg, TYPICAL.rest_deg))
-
-
 def _together(*deviations: float) -> float:
     return float(np.sqrt(np.sum(np.square(deviations))))
-
-
-def _driving(trial: Trial, plain: Model, data: CampaignData) -> Floats:
-    drive = input_of(trial, plain.signal)
-    if drive is None:
-        raise BadInput(
-            data.campaign.folder,
-            f"expected a {plain.signal} column: it drives the model",
-            trial.label,
-        )
-    return drive
-
-
-def _missed(data: CampaignData, plain: Model) -> list[Signal]:
-    """Return what the model misses of each trial, what a trial leaves to the next with it."""
-    driving = [_driving(trial, plain, data) for trial in data.trials]
-    predicted = predict_augmented(replace(plain, extra={}), data)
-    return [
-        Signal(t.started_s, t.t_s, drive, t.angle_deg - angle)
-        for t, drive, angle in zip(data.trials, driving, predicted, strict=True)
-    ]
-
-
-def _unrepeated_deg(reference: CampaignData) -> float:
-    """Say what repeats of a trial of some campaign differ by, where none is there to show it."""
-    angle = np.concatenate([trial.angle_deg for trial in reference.trials])
-    coloured = TYPICAL_DEG * np.sqrt(CORRELATION_S.size)
-    return _together(coloured, TYPICAL.gain * float(np.sqrt(np.mean(angle**2))))

@@ -13,18 +13,20 @@ from spa_fo.gap.noise.bench_noise import TYPICAL
 from spa_fo.gap.noise.coloured import Scatter, Spectrum, estimate, misfit, scatter
 
 Floats = NDArray[np.float64]
+Expected = tuple[Floats, Floats]
+"""What is expected of each of the rows of a trial, and its deviation."""
 
 WHITE = 1e-3
 """deg or kPa: what is averaged holds next to no white noise."""
 
 
-def expected_rms(law: FadingMemoryLaw, found: Sequence[tuple[Floats, Floats]]) -> float:
+def expected_rms(law: FadingMemoryLaw, found: Sequence[Expected]) -> float:
     """RMS of what a law lets expect that it misses where it was asked, or missed before."""
     deviation = np.concatenate([each for _, each in found])
     return max(float(np.sqrt(np.mean(deviation**2))), law.left_rms)
 
 
-def best(found: Sequence[tuple[Floats, Floats]], unvisited: Sequence[NDArray[np.bool_]]) -> float:
+def best(found: Sequence[Expected], unvisited: Sequence[NDArray[np.bool_]]) -> float:
     """Return the harmonic mean of the variances that are foreseen, as a deviation, deg."""
     deviation = np.concatenate([each for _, each in found])
     known = ~np.concatenate(unvisited)
@@ -49,3 +51,8 @@ def noise_of(
     ]
     spectrum = estimate(differences, WHITE)
     return replace(spectrum, white=0.0), scatter(differences, spectrum, TYPICAL)
+
+
+def of_a_day(angle_deg: Floats) -> Floats:
+    """Say by how much one day's angles differ from another's, at each row, deg."""
+    return np.asarray(np.hypot(TYPICAL.gain * angle_deg, TYPICAL.rest_deg))

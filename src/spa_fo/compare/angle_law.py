@@ -1,0 +1,146 @@
+"""What the reference of a campaign lets expect of its angle.
+
+What the model misses on the reference is learned as a law of fading memory, and expected of the
+campaign as well, as surely as the law, and the sensor of the pressure that drives it, are known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.compare.bounds import hold_to_bounds
+from spa_fo.compare.expectation import Expected, of_a_day
+from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal
+from spa_fo.compare.learning import learn
+from spa_fo.compare.misread import Misread, misread, rows_of
+from spa_fo.errors import BadInput
+from spa_fo.gap.noise.bench_noise import TYPICAL
+from spa_fo.gap.noise.coloured import CORRELATION_S, TYPICAL_DEG
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.identify.whole_log import input_of
+from spa_fo.plant import Model
+from spa_fo.plant.augmented import predict_augmented
+from spa_fo.rig import CampaignData, Trial
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AngleKnown:
+    """What is known of the angle of a campaign by its reference, by trial where it is a sequence.
+
+    Attributes
+    ----------
+    law : FadingMemoryLaw
+        What the model misses on the reference, deg.
+    missed, there : sequence of Signal
+        That, by trial of the reference, and of the campaign.
+    common : sequence of pairs
+        What it lets expect that the model misses, and its deviation, deg.
+    sigma : sequence of arrays
+        The same deviation with that of a day, deg; infinite where the reference never was.
+    broken : tuple of str
+        Sentences on where a reading is out of its bounds.
+    misread : tuple
+        What is none of an actuator's readings.
+    unvisited : sequence of arrays
+        Which rows are that, or where the reference never was.
+    """
+
+    law: FadingMemoryLaw
+    missed: Sequence[Signal]
+    there: Sequence[Signal]
+    common: Sequence[Expected]
+    sigma: Sequence[Floats]
+    broken: tuple[str, ...]
+    misread: tuple[tuple[Misread, ...], ...]
+    unvisited: Sequence[NDArray[np.bool_]]
+
+
+def know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> AngleKnown:
+    """Learn what the model misses on the reference, and say what that lets expect.
+
+    `BadInput` where a log lacks the signal that drives the model.
+    """
+    missed, there = _missed(reference, plain), _missed(data, plain)
+    law = learn(missed, _unrepeated_deg(reference))
+    common, unvisited = law.predict(there), law.unvisited(there)
+    if plain.signal == "pressure":
+        foreseen = _foreseen(data, there, common)
+        common = _unsure_of_pressure(law, data, foreseen, common, plain)
+    readings = [trial.angle_deg for trial in reference.trials]
+    held = hold_to_bounds(law, missed, readings, there, data.trials, common, unvisited)
+    common, unvisited = held.common, held.unvisited
+    foreseen = _foreseen(data, there, common)
+    sigma = [
+        np.where(nowhere, np.inf, np.hypot(own, of_a_day(angle)))
+        for angle, (_, own), nowhere in zip(foreseen, common, unvisited, strict=True)
+    ]
+    wrong = misread(reference, data, [signal.input for signal in there], foreseen, sigma)
+    unvisited = [
+        rows | rows_of(found, rows.size) for rows, found in zip(unvisited, wrong, strict=True)
+    ]
+    return AngleKnown(law, missed, there, common, sigma, held.sentences, wrong, unvisited)
+
+
+def _unsure_of_pressure(
+    law: FadingMemoryLaw,
+    data: CampaignData,
+    foreseen: Sequence[Floats],
+    common: Sequence[Expected],
+    plain: Model,
+) -> list[Expected]:
+    """Be less sure of what is expected by what errors of the pressure's sensor make of it."""
+    squares = [deviation**2 for _, deviation in common]
+    for offset_kpa, by in ((SETTINGS.pressure_offset_kpa, 0.0), (0.0, SETTINGS.pressure_gain)):
+        read = [
+            replace(trial, pressure_kpa=offset_kpa + (1.0 + by) * _driving(trial, plain, data))
+            for trial in data.trials
+        ]
+        moved = replace(data, trials=tuple(read))
+        there = _missed(moved, plain)
+        for i, angle in enumerate(_foreseen(moved, there, law.predict(there))):
+            squares[i] = squares[i] + (angle - foreseen[i]) ** 2
+    return [(mean, np.sqrt(square)) for (mean, _), square in zip(common, squares, strict=True)]
+
+
+def _foreseen(
+    data: CampaignData, there: Sequence[Signal], common: Sequence[Expected]
+) -> list[Floats]:
+    """Give by trial the angle that is expected, deg."""
+    return [
+        trial.angle_deg - signal.missed + mean
+        for trial, signal, (mean, _) in zip(data.trials, there, common, strict=True)
+    ]
+
+
+def _driving(trial: Trial, plain: Model, data: CampaignData) -> Floats:
+    drive = input_of(trial, plain.signal)
+    if drive is None:
+        raise BadInput(
+            data.campaign.folder,
+            f"expected a {plain.signal} column: it drives the model",
+            trial.label,
+        )
+    return drive
+
+
+def _missed(data: CampaignData, plain: Model) -> list[Signal]:
+    """Return what the model misses of each trial, what a trial leaves to the next with it."""
+    driving = [_driving(trial, plain, data) for trial in data.trials]
+    predicted = predict_augmented(replace(plain, extra={}), data)
+    return [
+        Signal(t.started_s, t.t_s, drive, t.angle_deg - angle)
+        for t, drive, angle in zip(data.trials, driving, predicted, strict=True)
+    ]
+
+
+def _unrepeated_deg(reference: CampaignData) -> float:
+    """Say what repeats of a trial of some campaign differ by, where none is there to show it."""
+    angle = np.concatenate([trial.angle_deg for trial in reference.trials])
+    coloured = TYPICAL_DEG * np.sqrt(CORRELATION_S.size)
+    return float(np.hypot(coloured, TYPICAL.gain * float(np.sqrt(np.mean(angle**2)))))
