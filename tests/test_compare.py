@@ -14,7 +14,7 @@ from blind.first_rig import write_case
 from blind_documents import document, read
 from spa_fo.api import Campaign, Comparison
 from spa_fo.cli import main
-from spa_fo.compare import compare
+from spa_fo.compare import compare, identify_reference
 from spa_fo.compare.zero import _moved_before, _zeroed
 from spa_fo.config import match_materials
 from spa_fo.errors import BadInput
@@ -112,6 +112,69 @@ def test_what_is_pressed_harder_than_ever_and_bends_less_has_changed(tmp_path: P
     said = [text for text in found.change.findings if "bends less" in text]
     assert len(said) == len(blocked)
     assert said[0].startswith("From 1")  # its step's second
+
+
+@pytest.mark.parametrize("change", ["nothing", "an obstacle"])
+def test_an_angle_that_falls_is_compared_as_one_that_rises(change: str, tmp_path: Path) -> None:
+    """And one that rests far from 0."""
+    campaigns.step_campaign(tmp_path / "steps", trials=3)
+    data = read_trials(read_campaign(tmp_path / "steps"))
+    top = np.inf if change == "nothing" else 35.0
+    falling = [replace(t, angle_deg=-70.0 - t.angle_deg) for t in data.trials]
+    blocked = [replace(t, angle_deg=-70.0 - np.minimum(t.angle_deg, top)) for t in data.trials]
+    reference, campaign = (
+        Campaign(replace(data, trials=tuple(trials))) for trials in (falling, blocked)
+    )
+    with pytest.raises(BadInput, match="expected an angle that rises with the input"):
+        fit_campaign(reference.data)
+    comparison = campaign.compare(reference)
+    assert (comparison.kind == "nothing_changed") == (change == "nothing")
+    assert comparison.result.change.findings[-1].startswith("The angle falls as the input rises")
+
+
+def test_the_model_of_a_reference_whose_steps_are_of_no_use_is_of_whole_logs(
+    tmp_path: Path,
+) -> None:
+    campaigns.step_campaign(tmp_path / "steps", trials=1)
+    data = read_trials(read_campaign(tmp_path / "steps"))
+    few = [
+        replace(
+            t,
+            **{
+                name: getattr(t, name)[::40]
+                for name in (
+                    "t_s",
+                    "command_kpa",
+                    "angle_deg",
+                    "after_reset",
+                    "outside_calibration",
+                )
+            },
+        )
+        for t in data.trials
+    ]
+    thin = replace(data, trials=tuple(few))
+    with pytest.raises(BadInput, match="expected at least 10 samples"):
+        fit_campaign(thin)
+    known = identify_reference(thin, thin, seed=1)
+    assert known.plain.transfer_function.b0 > 0.0
+    assert (known.reference, known.data, known.finding) == (thin, thin, "")
+
+
+def test_a_comparison_needs_no_protocol(tmp_path: Path) -> None:
+    """A staircase that says to be a step is refused elsewhere."""
+    for name in ("before", "after"):
+        document = campaigns.free_campaign(tmp_path / name, trials=2)
+        for experiment in document["experiments"]:
+            experiment["protocol"] = "step_release"
+        campaigns.write_yaml(tmp_path / name, document)
+    with pytest.raises(BadInput, match="expected one step"):
+        Campaign.load(tmp_path / "before")
+    out = tmp_path / "out"
+    assert (
+        main(["compare", str(tmp_path / "before"), str(tmp_path / "after"), "--out", str(out)]) == 0
+    )
+    assert json.loads((out / "comparison.json").read_text())["verdict"]["kind"] == "nothing_changed"
 
 
 def test_a_campaign_is_as_it_is(blocked: tuple[Path, Path]) -> None:

@@ -234,6 +234,25 @@ def test_a_description_that_lies_about_a_trial(tmp_path: Path, data: bytes, mess
     assert message in refused(with_trial(tmp_path, data))
 
 
+def test_who_needs_no_protocol_takes_a_contradicted_one_for_free(tmp_path: Path) -> None:
+    stairs = edited({i: {2: "40.00"} for i in range(120, 200)})
+    campaign = read_campaign(with_trial(tmp_path, stairs))
+    with pytest.raises(BadInput, match="expected one step"):
+        read_trials(campaign)
+    data = read_trials(campaign, protocols="free")
+    assert {trial.protocol for trial in data.trials} == {"free"}
+    assert [experiment.protocol for experiment in data.campaign.experiments] == ["free"]
+    (warning,) = [text for text in data.report.warnings if "rises 2 times" in text]
+    assert warning.startswith("step_20/trial_02.log: campaign.yaml says")
+    assert warning.endswith("it is taken for a free one")
+    assert {
+        trial.protocol
+        for trial in read_trials(
+            read_campaign(with_trial(tmp_path / "sound", log(rows(seed=2)))), protocols="free"
+        ).trials
+    } == {"step"}
+
+
 def test_a_trial_of_another_setpoint(tmp_path: Path) -> None:
     text = refused(with_trial(tmp_path, log(rows(seed=2, level=45.0))))
     assert "kPa, but the trials of experiment 'step_20' command 32.5 kPa in the middle" in text

@@ -13,7 +13,6 @@ from spa_fo.cli_shared import (
     add_command,
     add_overwrite,
     add_seed,
-    loaded_campaign,
     tell,
     tell_replaced,
     tell_warnings,
@@ -65,10 +64,12 @@ def _compare(options: argparse.Namespace) -> None:
     if _without_angle(options.reference) or _without_angle(options.campaign):
         _compare_pressure(options)
         return
-    from spa_fo.api import Model
+    from spa_fo.api import Campaign, Model
 
     model = Model.load(options.model) if options.model else None
-    reference, campaign = loaded_campaign(options.reference), loaded_campaign(options.campaign)
+    reference, campaign = (
+        Campaign.load(folder, protocols="free") for folder in (options.reference, options.campaign)
+    )
     replaced = places.replaced_comparison(options.out, campaign.name, options.overwrite)
     comparison = campaign.compare(
         reference,

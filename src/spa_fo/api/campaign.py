@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -53,15 +53,24 @@ class Campaign:
     data: CampaignData
 
     @classmethod
-    def load(cls, folder: Path | str) -> Campaign:
+    def load(
+        cls, folder: Path | str, *, protocols: Literal["checked", "free"] = "checked"
+    ) -> Campaign:
         """Read a campaign folder: check its bytes, parse every log, calibrate every angle.
+
+        Parameters
+        ----------
+        folder : path
+        protocols : {"checked", "free"}
+            Whether a command that contradicts its protocol is refused, or the experiment is taken
+            for a free one, with a warning: a comparison needs no protocol.
 
         Raises
         ------
         BadInput
             Something is wrong with campaign.yaml or a log; the text names file and line.
         """
-        return cls(read_trials(read_campaign(folder)))
+        return cls(read_trials(read_campaign(folder), protocols=protocols))
 
     @property
     def name(self) -> str:
@@ -201,23 +210,25 @@ class Campaign:
             A campaign is unusable, the model has effects, or an effect is unknown.
         """
         from spa_fo.api.comparison import Comparison
-        from spa_fo.compare import compare
+        from spa_fo.compare import ReferenceModel, compare, identify_reference, with_finding
         from spa_fo.gap.diagnose import check_request
-        from spa_fo.identify import fit_campaign
         from spa_fo.plant.effects.own import use_effects_of
 
         tell = progress or (lambda step: None)
-        before = reference if isinstance(reference, Campaign) else Campaign.load(reference)
+        before = reference
+        if not isinstance(before, Campaign):
+            before = Campaign.load(before, protocols="free")
         if model is None:
             tell(f"identifying the model on {before.name}")
-            plain = fit_campaign(before.data, seed=seed, bootstrap=None).model
+            known = identify_reference(before.data, self.data, seed)
         else:
-            plain = model.document
+            known = ReferenceModel(model.document, before.data, self.data)
         use_effects_of(self.data.campaign.folder)
-        check_request(plain, exclude, "model" if model is None else model.source)
-        return Comparison(
-            compare(before.data, self.data, plain, excluded=exclude, seed=seed, progress=tell)
+        check_request(known.plain, exclude, "model" if model is None else model.source)
+        found = compare(
+            known.reference, known.data, known.plain, excluded=exclude, seed=seed, progress=tell
         )
+        return Comparison(with_finding(found, known.finding) if known.finding else found)
 
     def plot(self, what: str = "trials") -> Figure:
         """Draw the trials, experiment by experiment, or the flex sensor's calibration.

@@ -65,7 +65,7 @@ def compare(
     assert found.model is not None
     said = _UNCHANGED if same else _CHANGED
     return replace(
-        _with_finding(found, f"{_finding(nominal, after)} {said}"),
+        with_finding(found, f"{_finding(nominal, after)} {said}"),
         model=driven_by(found.model, nominal.drive),
     )
 
@@ -89,7 +89,7 @@ def compare_pressure(
     found = compare_commanded_pressure(
         before, after, excluded=excluded, seed=seed, progress=progress
     )
-    return found if nominal is None else _with_finding(found, _finding(nominal, after))
+    return found if nominal is None else with_finding(found, _finding(nominal, after))
 
 
 def _nominal(reference: CampaignData, data: CampaignData, progress: Progress) -> NominalFit | None:
@@ -113,7 +113,8 @@ def _nominal(reference: CampaignData, data: CampaignData, progress: Progress) ->
     return identify_drive(drive_logs(reference))
 
 
-def _with_finding(found: Comparison, sentence: str) -> Comparison:
+def with_finding(found: Comparison, sentence: str) -> Comparison:
+    """Add a sentence to what a comparison says."""
     change = replace(found.change, findings=(*found.change.findings, sentence))
     return replace(found, change=change)
 

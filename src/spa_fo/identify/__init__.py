@@ -8,7 +8,7 @@ from spa_fo.identify.bounds import (
     printed_bounds,
     widened_bounds,
 )
-from spa_fo.identify.fit_campaign import campaign_steps, fit_campaign
+from spa_fo.identify.fit_campaign import NoGain, campaign_steps, fit_campaign
 from spa_fo.identify.polish import Draws, Fits, Optimum, fit_many, fit_optimum
 from spa_fo.identify.predict import predict_campaign, predict_trial
 from spa_fo.identify.protocol import StepData, paper_selection, step_data
@@ -25,6 +25,7 @@ __all__ = [
     "FitResult",
     "Fits",
     "LogData",
+    "NoGain",
     "Optimum",
     "StepData",
     "SwarmResult",

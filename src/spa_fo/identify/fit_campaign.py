@@ -36,6 +36,10 @@ Floats = NDArray[np.float64]
 _RISEN_FIRST = 0.3  # of a response, at its first point
 
 
+class NoGain(BadInput):
+    """The angle does not go the way of the input: no model is one of it."""
+
+
 @one_blas_thread
 def fit_campaign(
     data: CampaignData,
@@ -78,6 +82,8 @@ def fit_campaign(
     ------
     BadInput
         The campaign holds nothing to fit, or its angle stands still; see `step_data`, `log_data`.
+    NoGain
+        The angle falls as the input rises, or stays at 0.
     """
     _refuse_stillness(data)
     has_steps = any(is_step(trial) for trial in data.trials)
@@ -208,8 +214,12 @@ def _refuse_no_gain(agreement: float, data: CampaignData) -> None:
     """Refuse data whose angle does not go the model's way, or stays at 0."""
     if agreement <= 0.0:
         columns = data.campaign.log.columns
-        hint = "; a sign to turn, log.columns.angle.scale: -1?" if columns else ""
-        raise BadInput(
+        hint = (
+            "; a sign to turn, log.columns.angle.scale: -1, or a rest to take off, rest: zero?"
+            if columns
+            else ""
+        )
+        raise NoGain(
             data.campaign.yaml, f"expected an angle that rises with the input{hint}", "experiments"
         )
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Container
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -94,7 +95,9 @@ class _Samples:
         return dataclasses.replace(self, report=report, **arrays)
 
 
-def read_trials(campaign: Campaign) -> CampaignData:
+def read_trials(
+    campaign: Campaign, *, protocols: Literal["checked", "free"] = "checked"
+) -> CampaignData:
     """Read every log of a campaign and turn flex counts into angles.
 
     The angle of a sample is its flex count through the earliest calibration, always; later
@@ -104,6 +107,9 @@ def read_trials(campaign: Campaign) -> CampaignData:
     ----------
     campaign : Campaign
         As read by `read_campaign`.
+    protocols : {"checked", "free"}
+        Whether a command that contradicts its protocol is refused, or its experiment is taken for
+        a free one, with a warning.
 
     Returns
     -------
@@ -123,13 +129,23 @@ def read_trials(campaign: Campaign) -> CampaignData:
         calibrations.append(calibration)
         reports.append(report)
     curve = calibrations[0] if calibrations else None
-    trials = []
     warnings = list(campaign.warnings)
-    for experiment, number, file in campaign.trial_files():
+    logs: list[_Samples] = []
+    lies: dict[str, str] = {}  # by experiment
+    for experiment, _, file in campaign.trial_files():
         samples = _plausible(_read_samples(campaign, file), campaign)
         if curve is not None:
             samples = _within(curve, samples, file, warnings)
-        _check_protocol(campaign, experiment, samples, file)
+        lie = _contradicted(campaign, experiment, samples)
+        if lie is not None and protocols == "checked":
+            raise BadInput(file.path, lie)
+        if lie is not None:
+            lies.setdefault(experiment.name, f"{file.file}: {lie}; it is taken for a free one")
+        logs.append(samples)
+    warnings += lies.values()
+    campaign = _freed(campaign, lies)
+    trials = []
+    for (experiment, number, file), samples in zip(campaign.trial_files(), logs, strict=True):
         trial, report = _to_trial(samples, experiment, number, file, curve)
         trials.append(trial)
         reports.append(report)
@@ -270,18 +286,24 @@ def dropouts(reading: Floats) -> Bools:
     return found
 
 
-def _check_protocol(
-    campaign: Campaign, experiment: Experiment, samples: _Samples, file: TrialFile
-) -> None:
+def _contradicted(campaign: Campaign, experiment: Experiment, samples: _Samples) -> str | None:
+    """Say how a command contradicts what it is said to be, or return None."""
     if samples.command_kpa is None or samples.after_reset.any():
-        return  # a reset may have cut the protocol short, or begun it again
+        return None  # a reset may have cut the protocol short, or begun it again
     lie = contradiction(experiment.protocol, samples.t_s, samples.command_kpa)
-    if lie is not None:
-        raise BadInput(
-            file.path,
-            f"{campaign.yaml.name} says that experiment '{experiment.name}' is a "
-            f"{experiment.protocol}, but {lie}",
-        )
+    if lie is None:
+        return None
+    said = f"experiment '{experiment.name}' is a {experiment.protocol}"
+    return f"{campaign.yaml.name} says that {said}, but {lie}"
+
+
+def _freed(campaign: Campaign, names: Container[str]) -> Campaign:
+    """Take experiments of these names for free ones."""
+    experiments = tuple(
+        dataclasses.replace(each, protocol="free") if each.name in names else each
+        for each in campaign.experiments
+    )
+    return dataclasses.replace(campaign, experiments=experiments)
 
 
 def _to_trial(
