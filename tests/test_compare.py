@@ -161,6 +161,14 @@ def test_the_model_of_a_reference_whose_steps_are_of_no_use_is_of_whole_logs(
     assert (known.reference, known.data, known.finding) == (thin, thin, "")
 
 
+def test_where_one_campaign_lacks_commands_the_pressure_drives_both(tmp_path: Path) -> None:
+    write_case(document(protocol=RICH, model={"kind": "earlier", "off": 0.0}), tmp_path)
+    reference, data = read(tmp_path / "earlier"), read(tmp_path / "campaign")
+    without = replace(data, trials=tuple(replace(t, command_kpa=None) for t in data.trials))
+    assert identify_reference(reference, data, seed=1).plain.signal == "command"
+    assert identify_reference(reference, without, seed=1).plain.signal == "pressure"
+
+
 def test_a_comparison_needs_no_protocol(tmp_path: Path) -> None:
     """A staircase that says to be a step is refused elsewhere."""
     for name in ("before", "after"):

@@ -42,15 +42,17 @@ class ReferenceModel:
 def identify_reference(reference: CampaignData, data: CampaignData, seed: int) -> ReferenceModel:
     """Identify the plain model of a reference as `fit_campaign` does, or else as far as can be.
 
-    That is on whole logs where no step is of use, and without what the angle rests at: a model that
-    starts at 0 may fail over it, and as it is missed in both campaigns alike it is no change. An
-    angle that falls as the input rises is turned, in both.
+    That is by the measured pressure where one of both lacks commands, on whole logs where no step
+    is of use, and without what the angle rests at: a model that starts at 0 may fail over it,
+    and as it is missed in both campaigns alike it is no change. An angle that falls as the input
+    rises is turned, in both.
 
     Raises
     ------
     BadInput
         As `fit_campaign`; `NoGain` where the angle goes neither way.
     """
+    signal = _of_both(reference, data)
     turned = [_with_angles(each, lambda trial: -trial.angle_deg) for each in (reference, data)]
     ways = (
         (reference, data, ""),
@@ -61,12 +63,24 @@ def identify_reference(reference: CampaignData, data: CampaignData, seed: int) -
     for fitted, other, finding in ways:
         for whole_logs in (False, True):
             try:
-                found = fit_campaign(fitted, seed=seed, bootstrap=None, whole_logs=whole_logs)
+                found = fit_campaign(
+                    fitted, seed=seed, bootstrap=None, whole_logs=whole_logs, signal=signal
+                )
             except BadInput as refusal:
                 refusals.append(refusal)
                 continue
             return ReferenceModel(found.model, turned[0] if finding else reference, other, finding)
     raise refusals[0]
+
+
+def _of_both(reference: CampaignData, data: CampaignData) -> str | None:
+    """Choose the measured pressure where one of both lacks commands; else leave it to the fit."""
+    trials = (*reference.trials, *data.trials)
+    if any(trial.command_kpa is None for trial in trials) and all(
+        trial.pressure_kpa is not None for trial in trials
+    ):
+        return "pressure"
+    return None
 
 
 def _with_angles(data: CampaignData, angle_of: Callable[[Trial], Floats]) -> CampaignData:
