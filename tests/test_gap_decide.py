@@ -102,16 +102,24 @@ def test_stage_shares_weigh_by_square_and_probability():
     )
 
 
-def uncalibrated(since):
-    """Share a creep and a freeze of the sensor out; half is bent at 30 % of the campaign."""
+def uncalibrated(since, follows=1.0):
+    """Share a creep and a freeze of the sensor out, which reads a part of what is expected.
+
+    It bends 60° within the first 60 % of the campaign, and is expected to within 2°.
+    """
     effects, freeze = absent(), LIBRARY["sensor_freeze"]
-    effects[freeze.first + freeze.moment] = since
+    effects[freeze.slots] = 0.8, since
     moved = {"sensor_creep": 1.0, "sensor_freeze": 3.0}
     one = scored(("sensor_creep", "sensor_freeze"), 0.5, moved)
     one = replace(one, angle=SimpleNamespace(effects=effects))
     steps = np.arange(101)
-    grid = SimpleNamespace(middle_s=50.0 + steps, sample_step=steps)
-    return _named(judge([one], 0.5, 0.0), _uncalibrated(grid, np.clip(steps, 0, 60)))
+    plain = np.clip(steps, 0, 60).astype(float)
+    read = np.where(steps < 100.0 * since, follows, 0.2) * plain
+    grid = SimpleNamespace(
+        middle_s=50.0 + steps, sample_step=steps, angle_deg=read, counts=np.ones(101)
+    )
+    stages_of = _uncalibrated(grid, plain, np.full(101, 4.0))
+    return _named(judge([one], 0.5, 0.0), stages_of)
 
 
 def test_without_a_calibration_it_is_even_whose_is_what_the_actuator_may_do_as_well():
@@ -129,10 +137,20 @@ def test_without_a_calibration_it_is_even_whose_is_what_the_actuator_may_do_as_w
     assert not acts_like("sensor_freeze", "actuator")
 
 
-def test_what_a_sensor_does_before_the_actuator_has_bent_may_be_the_actuator_s_as_well():
-    shares, _ = uncalibrated(since=0.25)
+@pytest.mark.parametrize(
+    ("since", "follows", "sensor"),
+    [
+        (0.35, 1.0, 0.95),  # it had read 35° rightly
+        (0.35, 0.55, 0.5),  # and here hardly more than half of them
+        (0.05, 1.0, 0.5),  # nothing that would have shown anything
+    ],
+)
+def test_a_sensor_that_was_not_seen_sound_may_be_an_actuator_that_bends_less(
+    since, follows, sensor
+):
+    shares, _ = uncalibrated(since, follows)
     assert shares == pytest.approx(
-        {"drive": 0.0, "actuator": 0.5, "sensor": 0.5, "acquisition": 0.0}
+        {"drive": 0.0, "actuator": 1.0 - sensor, "sensor": sensor, "acquisition": 0.0}
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.answer.intervals import with_intervals
-from spa_fo.gap.claim.claimed import Claim
+from spa_fo.gap.claim.claimed import CLEARLY, Claim
 from spa_fo.gap.data.evidence import angle_chain
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import Explanation, explanation_of
@@ -17,7 +17,7 @@ from spa_fo.gap.decide.verdict import Scored, StagesOf, Verdict, said, stage_sha
 from spa_fo.gap.diagnosis import Cause, Traces
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
-from spa_fo.plant.effects.effect import STAGES, Stage
+from spa_fo.plant.effects.effect import STAGES, Effect, Stage
 from spa_fo.plant.effects.library import LIBRARY, absent, acts_like
 from spa_fo.plant.grid import CampaignGrid
 
@@ -83,7 +83,7 @@ def stages(
     if verdict.kind == "no_gap":
         return StageShares(dict.fromkeys(STAGES, 0.0))
     either = verdict.kind == "unknown" and expected is not None and fixture is None
-    known, evenly = _named(verdict, _uncalibrated(grid, plain_deg) if either else None)
+    known, evenly = _named(verdict, _uncalibrated(grid, plain_deg, no_gap) if either else None)
     by_command = grid.command_kpa is not None and not everything.has_pressure
     if verdict.kind != "unknown" or (verdict.sets and by_command):
         return StageShares(known, assumed=_NO_CALIBRATION + evenly if evenly else None)
@@ -128,27 +128,48 @@ def _named(verdict: Verdict, stages_of: StagesOf | None) -> tuple[Mapping[str, f
     return shared, _EVENLY if shared != own else ""
 
 
-def _uncalibrated(grid: CampaignGrid, plain_deg: Floats) -> StagesOf:
+def _uncalibrated(grid: CampaignGrid, plain_deg: Floats, expected: Floats) -> StagesOf:
     """Say in which stages a part of a change may be where no calibration was logged.
 
-    Whether it is the sensor's or the actuator's that acts alike is taken to be even. So does a
-    sensor that came off before the actuator had bent: none of its readings is of the time before.
+    Whether it is the sensor's or the actuator's that acts alike is taken to be even. So it is of a
+    sensor that came off, if nothing that it read before shows that it was sound then.
     """
-    moved = np.abs(plain_deg - plain_deg[0])
-    first = grid.sample_step[int(np.argmax(moved >= _BENT * moved.max()))]
-    begins_s, ends_s = grid.middle_s[0], grid.middle_s[-1]
-    bent = float((grid.middle_s[first] - begins_s) / (ends_s - begins_s))
 
     def stages_of(one: Scored, name: str) -> tuple[Stage, ...]:
         effect = LIBRARY[name]
-        from_the_start = (
-            effect.moment is not None and one.angle.effects[effect.first + effect.moment] < bent
-        )
-        if effect.stage == "sensor" and (from_the_start or acts_like(name, "actuator")):
-            return (effect.stage, "actuator")
-        return (effect.stage,)
+        if effect.stage != "sensor":
+            return (effect.stage,)
+        either = acts_like(name, "actuator")
+        if effect.moment is not None and not either:
+            fitted = one.angle.effects[effect.slots]
+            either = not _sound_before(effect, fitted, grid, plain_deg, expected)
+        return ("sensor", "actuator") if either else ("sensor",)
 
     return stages_of
+
+
+def _sound_before(
+    effect: Effect, parameters: Floats, grid: CampaignGrid, plain_deg: Floats, expected: Floats
+) -> bool:
+    """Say whether a sensor is known to have been sound before the moment of its effect.
+
+    The actuator had bent before it so far that the effect would have shown clearly, had it been
+    there from the start, and what was read differed from what is expected by less than half of it.
+    """
+    assert effect.moment is not None
+    assert effect.act is not None
+    time_s = grid.middle_s[grid.sample_step] - grid.middle_s[0]
+    throughout = parameters.copy()
+    throughout[effect.moment] = effect.parameters[effect.moment].low
+    off = np.asarray(effect.act(plain_deg, time_s, *throughout)) - plain_deg
+    before = time_s < parameters[effect.moment] * time_s[-1]
+    moved = np.abs(plain_deg - plain_deg[0])
+    clear = (moved >= _BENT * moved.max()) & (np.abs(off) > CLEARLY * np.sqrt(expected))
+    if not np.any(before & clear):
+        return False
+    weights = grid.counts / expected * before
+    read = grid.angle_deg - plain_deg
+    return bool(np.sum(weights * read**2) < 0.25 * np.sum(weights * off**2))
 
 
 def _stood(first: Verdict, standing: Container[Ids]) -> float:
