@@ -152,10 +152,12 @@ def test_a_trial_that_lies_outside_its_calibration_for_the_most_part_is_refused(
 
 def test_a_plateau_a_little_outside_is_flagged_and_one_beyond_is_refused(tmp_path: Path) -> None:
     # The sensor's counts are 350 + 4 a degree; calibrated up to 90 deg.
-    near = read(with_trial(tmp_path / "near", edited({i: {4: 734} for i in range(60, 200)})))
-    assert near.trials[1].outside_calibration[60:].all()
-    assert near.trials[1].angle_deg[-1] == pytest.approx(96.0, abs=0.5)
-    far = with_trial(tmp_path / "far", edited({i: {4: 762} for i in range(60, 200)}))
+    for counts, angle_deg in ((734, 96.0), (762, 103.0)):
+        folder = tmp_path / str(counts)
+        near = read(with_trial(folder, edited({i: {4: counts} for i in range(60, 200)})))
+        assert near.trials[1].outside_calibration[60:].all()
+        assert near.trials[1].angle_deg[-1] == pytest.approx(angle_deg, abs=0.5)
+    far = with_trial(tmp_path / "far", edited({i: {4: 822} for i in range(60, 200)}))
     assert "angle outside calibration: 140 of 200 samples" in refused(far)
 
 

@@ -34,10 +34,10 @@ Bools = npt.NDArray[np.bool_]
 
 _LONGEST_DROPOUT = 5  # samples
 _FAR_FROM_0 = 0.5  # of the typical reading
-# Beyond the calibration, as a fraction of its range: nearer than `_FAR` the curve's line beyond its
-# ends serves, and samples are flagged; farther ones are left out. A trial that lies beyond `_NEAR`
-# for the most part is not this calibration's.
-_NEAR, _FAR = 0.1, 0.25
+# Beyond the calibration, as a fraction of its range: nearer than that the curve's line beyond its
+# ends serves, as for a sensor that slipped, and samples are flagged; farther ones are left out. A
+# trial that lies there for the most part is not this calibration's.
+_FAR = 0.25
 _MOST = 0.5
 
 
@@ -360,15 +360,14 @@ def _within(
     angle = curve.angle_deg(samples.flex_adc)
     low, high = curve.range_deg
     beyond = np.maximum(low - angle, angle - high) / (high - low)
-    near = np.count_nonzero(beyond > _NEAR)
-    if near > _MOST * angle.size:
+    far = beyond > _FAR
+    if np.count_nonzero(far) > _MOST * angle.size:
         raise BadInput(
             file.path,
-            f"angle outside calibration: {near} of {angle.size} samples, "
+            f"angle outside calibration: {np.count_nonzero(far)} of {angle.size} samples, "
             f"{angle.min():.0f} to {angle.max():.0f} deg, but {curve.file} covers "
             f"{low:g} to {high:g} deg",
         )
-    far = beyond > _FAR
     if far.any():
         warnings.append(
             f"{file.file}: {np.count_nonzero(far)} of {angle.size} samples lie far outside the "
