@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import campaigns
 from blind.first_rig import write_case
@@ -20,7 +21,7 @@ from spa_fo.config import match_materials
 from spa_fo.errors import BadInput
 from spa_fo.identify import fit_campaign
 from spa_fo.plant import read_model
-from spa_fo.report.change import answer
+from spa_fo.report.change import answer, change_figure
 from spa_fo.rig import read_campaign, read_trials
 from spa_fo.rig.trials import before_first_change
 
@@ -265,3 +266,17 @@ def test_a_reference_is_another_material(tmp_path: Path) -> None:
         match_materials(materials, tmp_path, "config.yaml")
     materials["later"]["reference"] = "arm"
     assert match_materials(materials, tmp_path, "config.yaml") == materials
+
+
+def test_the_legend_of_a_long_set_is_within_its_figure(
+    compared: tuple[Comparison, Path],
+) -> None:
+    found = compared[0].result
+    ids = ("supply_droop", "drive_backlash", "sensor_nonlinearity", "channel_latency", "creep")
+    figure = change_figure(replace(found, change=replace(found.change, sets=(ids,))))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    box = figure.legends[0].get_window_extent(canvas.get_renderer())
+    width, height = canvas.get_width_height()
+    assert 0.0 <= box.x0 < box.x1 <= width
+    assert 0.0 <= box.y0 < box.y1 <= height

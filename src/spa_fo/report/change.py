@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ from spa_fo.rig import CampaignData, Trial
 PAGE, DOCUMENT, MODEL = "comparison.md", "comparison.json", "augmented_model.json"
 _MOST_PANELS = 3
 _TWO = 2.0  # standard deviations
+_LABEL = 60  # characters of a legend's line
 _BOTH = {"angle": "What the model misses in both", "pressure": "What the drive does in both"}
 _FAINT: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35}
 _CAPTIONS = {
@@ -320,7 +322,7 @@ def change_figure(comparison: Comparison) -> Figure:
                     color=VERMILION,
                     linestyle="--",
                     linewidth=1.1,
-                    label=phrase(found.sets[0], " + "),
+                    label=fill(phrase(found.sets[0], " + "), _LABEL),
                 )
         axes.set_title(f"{e.title}, {e.place}", loc="left")
         axes.set_xlabel("time (s)")
