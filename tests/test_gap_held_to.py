@@ -196,12 +196,20 @@ def test_where_little_was_compared_nothing_has_a_name() -> None:
 def test_what_acts_alike_elsewhere_stands_if_it_closes_as_much() -> None:
     found = answer({("sensor_creep",): 0.9, ("creep",): 0.05}, 0.05)
     close, far = {("sensor_creep",): 0.9, ("creep",): 0.85}, {("sensor_creep",): 0.9}
-    both = with_equivalents(found, claims(close))
+    both = with_equivalents(found, claims(close), True)
     assert (both.kind, both.sets) == ("ambiguous", (("sensor_creep",), ("creep",)))
-    assert with_equivalents(found, claims({**far, ("creep",): 0.5})) == found
-    assert with_equivalents(found, claims(far)) == found
+    assert with_equivalents(found, claims({**far, ("creep",): 0.5}), True) == found
+    assert with_equivalents(found, claims(far), True) == found
     unknown = answer({("sensor_creep",): 0.2, ("creep",): 0.05}, 0.75)
-    assert with_equivalents(unknown, claims(close)) == unknown
+    assert with_equivalents(unknown, claims(close), True) == unknown
+
+
+def test_without_the_pressure_a_delay_of_the_drive_is_one_of_the_log() -> None:
+    found = answer({("channel_latency",): 0.9, ("dead_time",): 0.02}, 0.08)
+    closed = claims({("channel_latency",): 0.9, ("dead_time",): 0.85})
+    assert with_equivalents(found, closed, True) == found
+    both = with_equivalents(found, closed, False)
+    assert (both.kind, both.sets) == ("ambiguous", (("channel_latency",), ("dead_time",)))
 
 
 def test_without_a_calibration_a_sensor_s_effect_is_a_part_of_what_is_unknown() -> None:

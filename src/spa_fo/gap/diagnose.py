@@ -229,7 +229,8 @@ def _answered(
         times = math.inf if beyond.broken else size / expected
         verdict = beyond_expected(verdict, times, beyond.changed, of_drive, claimed)
         if examined.everything.fixture is None:
-            verdict = no_sensor_s_alone(with_equivalents(verdict, claimed))
+            verdict = with_equivalents(verdict, claimed, examined.everything.has_pressure)
+            verdict = no_sensor_s_alone(verdict)
         if beyond.says_nothing:
             verdict = not_compared(verdict)
         elif beyond.says_little:

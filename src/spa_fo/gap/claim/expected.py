@@ -149,16 +149,20 @@ def not_compared(verdict: Verdict) -> Verdict:
     return replace(judge(scored, 1.0, 0.0), sets=())
 
 
-def with_equivalents(verdict: Verdict, claimed: Claim) -> Verdict:
+def with_equivalents(verdict: Verdict, claimed: Claim, pressed: bool) -> Verdict:
     """Let what acts alike in another stage stand beside what is named, if it closes as much.
 
-    Without a calibration the two differ by details that a law learned from a reference may miss.
+    Without a calibration the two differ by details that a law learned from a reference may miss,
+    and the same linear filter in the drive by nothing, unless the pressure between is measured
+    (`pressed`).
     """
     if verdict.kind not in ("cause", "ambiguous"):
         return verdict
     closed = claimed.closed
     least = closed.get(verdict.sets[0], 0.0) - SETTINGS.gains
-    more = [ids for ids in _equivalents(verdict.sets[0]) if closed.get(ids, -np.inf) >= least]
+    more = [
+        ids for ids in _equivalents(verdict.sets[0], pressed) if closed.get(ids, -np.inf) >= least
+    ]
     sets = (*verdict.sets, *(ids for ids in more if ids not in verdict.sets))
     kind: Kind = "ambiguous" if len(sets) > 1 else "cause"
     return replace(verdict, kind=kind, sets=sets)
@@ -179,9 +183,17 @@ def no_sensor_s_alone(verdict: Verdict) -> Verdict:
     return replace(again, sets=verdict.sets[:1])
 
 
-def _equivalents(ids: Ids) -> Iterator[Ids]:
+def _equivalents(ids: Ids, pressed: bool) -> Iterator[Ids]:
     """Yield sets in which one effect gives way to one of another stage that acts alike."""
     for place, name in enumerate(ids):
-        for other, effect in LIBRARY.items():
-            if alike(name, other) and effect.stage != LIBRARY[name].stage and other not in ids:
+        for other in LIBRARY:
+            if other not in ids and _in_its_place(name, other, pressed):
                 yield (*ids[:place], other, *ids[place + 1 :])
+
+
+def _in_its_place(name: str, other: str, pressed: bool) -> bool:
+    """Say whether an effect of another stage acts like one, or is the same filter unseen."""
+    one, two = LIBRARY[name], LIBRARY[other]
+    told = pressed and "drive" in (one.stage, two.stage)
+    same = bool(one.filter) and one.filter == two.filter and not told
+    return one.stage != two.stage and (same or alike(name, other))
