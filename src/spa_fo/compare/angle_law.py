@@ -28,6 +28,8 @@ from spa_fo.rig import CampaignData, Trial
 
 Floats = NDArray[np.float64]
 
+_LOWEST = 0.01  # quantile of a log's pressure: at rest, if it ever was
+
 
 @dataclass(frozen=True)
 class AngleKnown:
@@ -70,8 +72,7 @@ def know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> Ang
     law = learn(missed, _unrepeated_deg(reference))
     common, unvisited = law.predict(there), law.unvisited(there)
     if plain.signal == "pressure":
-        foreseen = _foreseen(data, there, common)
-        common = _unsure_of_pressure(law, data, foreseen, common, plain)
+        common = _unsure_of_pressure(law, reference, data, common, plain)
     readings = [trial.angle_deg for trial in reference.trials]
     held = hold_to_bounds(law, missed, readings, there, data.trials, common, unvisited)
     common, unvisited = held.common, held.unvisited
@@ -89,23 +90,36 @@ def know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> Ang
 
 def _unsure_of_pressure(
     law: FadingMemoryLaw,
+    reference: CampaignData,
     data: CampaignData,
-    foreseen: Sequence[Floats],
     common: Sequence[Expected],
     plain: Model,
 ) -> list[Expected]:
-    """Be less sure of what is expected by what errors of the pressure's sensor make of it."""
-    squares = [deviation**2 for _, deviation in common]
-    for offset_kpa, by in ((SETTINGS.pressure_offset_kpa, 0.0), (0.0, SETTINGS.pressure_gain)):
-        read = [
-            replace(trial, pressure_kpa=offset_kpa + (1.0 + by) * _driving(trial, plain, data))
-            for trial in data.trials
-        ]
-        moved = replace(data, trials=tuple(read))
-        there = _missed(moved, plain)
-        for i, angle in enumerate(_foreseen(moved, there, law.predict(there))):
-            squares[i] = squares[i] + (angle - foreseen[i]) ** 2
-    return [(mean, np.sqrt(square)) for (mean, _), square in zip(common, squares, strict=True)]
+    """Be less sure of what is expected by what an error of the pressure's zero makes of it.
+
+    One sensor has read both, so that its gain is the same; where both rested its zero was seen.
+    """
+    lowest = [
+        float(np.quantile(_driving(trial, plain, each), _LOWEST))
+        for each in (reference, data)
+        for trial in each.trials
+    ]
+    error_kpa = min(SETTINGS.pressure_offset_kpa, float(np.ptp(lowest)))
+    read = [
+        replace(trial, pressure_kpa=_driving(trial, plain, data) + error_kpa)
+        for trial in data.trials
+    ]
+    before, after = (_asked(law, each, plain) for each in (data, replace(data, trials=tuple(read))))
+    return [
+        (mean, np.hypot(deviation, other - angle))
+        for (mean, deviation), angle, other in zip(common, before, after, strict=True)
+    ]
+
+
+def _asked(law: FadingMemoryLaw, data: CampaignData, plain: Model) -> list[Floats]:
+    """Ask a law for the angles of a campaign, deg."""
+    there = _missed(data, plain)
+    return _foreseen(data, there, law.predict(there))
 
 
 def _foreseen(
