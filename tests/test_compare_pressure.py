@@ -93,6 +93,14 @@ def pair(folder: Path, *effects: str, size: float = 6.0, seed: int = 11) -> tupl
     )
 
 
+def test_pressures_are_compared_whatever_their_protocol_says(tmp_path: Path) -> None:
+    folders = [sines(tmp_path / name, 0.1, seed) for seed, name in enumerate(("before", "after"))]
+    for folder in folders:
+        text = (folder / "campaign.yaml").read_text().replace("protocol: free", "protocol: step")
+        (folder / "campaign.yaml").write_text(text)
+    assert Comparison.of_pressure(*folders).kind == "nothing_changed"
+
+
 @pytest.fixture(scope="module")
 def leaking(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return pair(tmp_path_factory.mktemp("leaking"), "leak")

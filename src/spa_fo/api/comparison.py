@@ -68,7 +68,8 @@ class Comparison:
             A campaign is unusable, or an effect is unknown.
         """
         before, after = (
-            read_trials(read_campaign(each, angle=False)) for each in (reference, campaign)
+            read_trials(read_campaign(each, angle=False), protocols="free")
+            for each in (reference, campaign)
         )
         use_effects_of(after.campaign.folder)
         check_effects(exclude)
