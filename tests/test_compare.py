@@ -138,22 +138,8 @@ def test_the_model_of_a_reference_whose_steps_are_of_no_use_is_of_whole_logs(
 ) -> None:
     campaigns.step_campaign(tmp_path / "steps", trials=1)
     data = read_trials(read_campaign(tmp_path / "steps"))
-    few = [
-        replace(
-            t,
-            **{
-                name: getattr(t, name)[::40]
-                for name in (
-                    "t_s",
-                    "command_kpa",
-                    "angle_deg",
-                    "after_reset",
-                    "outside_calibration",
-                )
-            },
-        )
-        for t in data.trials
-    ]
+    signals = ("t_s", "command_kpa", "angle_deg", "after_reset", "outside_calibration")
+    few = [replace(t, **{name: getattr(t, name)[::40] for name in signals}) for t in data.trials]
     thin = replace(data, trials=tuple(few))
     with pytest.raises(BadInput, match="expected at least 10 samples"):
         fit_campaign(thin)

@@ -39,8 +39,8 @@ class AngleKnown:
     ----------
     law : FadingMemoryLaw
         What the model misses on the reference, deg.
-    missed, there : sequence of Signal
-        That, by trial of the reference, and of the campaign.
+    missed : sequence of Signal
+        That, by trial of the reference.
     common : sequence of pairs
         What it lets expect that the model misses, and its deviation, deg.
     sigma : sequence of arrays
@@ -55,7 +55,6 @@ class AngleKnown:
 
     law: FadingMemoryLaw
     missed: Sequence[Signal]
-    there: Sequence[Signal]
     common: Sequence[Expected]
     sigma: Sequence[Floats]
     broken: tuple[str, ...]
@@ -72,7 +71,9 @@ def know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> Ang
     law = learn(missed, _unrepeated_deg(reference))
     common, unvisited = law.predict(there), law.unvisited(there)
     if plain.signal == "pressure":
-        common = _unsure_of_pressure(law, reference, data, common, plain)
+        error_kpa = _zero_error_kpa(reference, data, plain)
+        foreseen = _foreseen(data, there, common)
+        common = _unsure_of_pressure(law, data, plain, foreseen, common, error_kpa)
     readings = [trial.angle_deg for trial in reference.trials]
     held = hold_to_bounds(law, missed, readings, there, data.trials, common, unvisited)
     common, unvisited = held.common, held.unvisited
@@ -85,41 +86,42 @@ def know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> Ang
     unvisited = [
         rows | rows_of(found, rows.size) for rows, found in zip(unvisited, wrong, strict=True)
     ]
-    return AngleKnown(law, missed, there, common, sigma, held.sentences, wrong, unvisited)
+    return AngleKnown(law, missed, common, sigma, held.sentences, wrong, unvisited)
+
+
+def _zero_error_kpa(reference: CampaignData, data: CampaignData, plain: Model) -> float:
+    """Say how unsure the zero of the pressure is: where all logs rested it was seen."""
+    lowest = [
+        np.quantile(_driving(trial, plain, each), _LOWEST)
+        for each in (reference, data)
+        for trial in each.trials
+    ]
+    return min(SETTINGS.pressure_offset_kpa, float(np.ptp(lowest)))
 
 
 def _unsure_of_pressure(
     law: FadingMemoryLaw,
-    reference: CampaignData,
     data: CampaignData,
-    common: Sequence[Expected],
     plain: Model,
+    foreseen: Sequence[Floats],
+    common: Sequence[Expected],
+    error_kpa: float,
 ) -> list[Expected]:
     """Be less sure of what is expected by what an error of the pressure's zero makes of it.
 
-    One sensor has read both, so that its gain is the same; where both rested its zero was seen.
+    One sensor has read both campaigns, so that its gain is the same.
     """
-    lowest = [
-        float(np.quantile(_driving(trial, plain, each), _LOWEST))
-        for each in (reference, data)
-        for trial in each.trials
-    ]
-    error_kpa = min(SETTINGS.pressure_offset_kpa, float(np.ptp(lowest)))
     read = [
         replace(trial, pressure_kpa=_driving(trial, plain, data) + error_kpa)
         for trial in data.trials
     ]
-    before, after = (_asked(law, each, plain) for each in (data, replace(data, trials=tuple(read))))
+    moved = replace(data, trials=tuple(read))
+    there = _missed(moved, plain)
+    others = _foreseen(moved, there, law.predict(there))
     return [
         (mean, np.hypot(deviation, other - angle))
-        for (mean, deviation), angle, other in zip(common, before, after, strict=True)
+        for (mean, deviation), angle, other in zip(common, foreseen, others, strict=True)
     ]
-
-
-def _asked(law: FadingMemoryLaw, data: CampaignData, plain: Model) -> list[Floats]:
-    """Ask a law for the angles of a campaign, deg."""
-    there = _missed(data, plain)
-    return _foreseen(data, there, law.predict(there))
 
 
 def _foreseen(

@@ -17,7 +17,10 @@ from spa_fo.rig import CampaignData, Trial
 Floats = NDArray[np.float64]
 
 _AT_REST = 0.05  # of the range of the input, from its lowest
-_TURNED = "The angle falls as the input rises: it is compared with its sign turned."
+_TURNED = (
+    "The angle falls as the input rises: it is compared with its sign turned, and "
+    "the model is of the turned angle."
+)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, alike
+from spa_fo.plant.effects.library import LIBRARY, alike, same_filter
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -186,14 +186,7 @@ def no_sensor_s_alone(verdict: Verdict) -> Verdict:
 def _equivalents(ids: Ids, pressed: bool) -> Iterator[Ids]:
     """Yield sets in which one effect gives way to one of another stage that acts alike."""
     for place, name in enumerate(ids):
-        for other in LIBRARY:
-            if other not in ids and _in_its_place(name, other, pressed):
+        for other, effect in LIBRARY.items():
+            like = alike(name, other) or same_filter(name, other, pressed)
+            if like and effect.stage != LIBRARY[name].stage and other not in ids:
                 yield (*ids[:place], other, *ids[place + 1 :])
-
-
-def _in_its_place(name: str, other: str, pressed: bool) -> bool:
-    """Say whether an effect of another stage acts like one, or is the same filter unseen."""
-    one, two = LIBRARY[name], LIBRARY[other]
-    told = pressed and "drive" in (one.stage, two.stage)
-    same = bool(one.filter) and one.filter == two.filter and not told
-    return one.stage != two.stage and (same or alike(name, other))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from spa_fo.plant.effects.effect import PASSING, Check, Effect, Shown
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, same_filter
 
 _MOST = 2  # remedies for one pair
 
@@ -133,13 +133,10 @@ def remedies(one: Sequence[str], other: Sequence[str], tapped: bool) -> list[str
 
 
 def twins(one: Sequence[str], other: Sequence[str], tapped: bool) -> bool:
-    """Say whether two explanations are the same linear filter at two places in the chain.
+    """Say whether two explanations differ by the place of one linear filter alone; `same_filter`.
 
-    Filters in series change places without a trace. What a simulation shows of the difference is
-    due to the forms that the library gives them, not to physics. A measured pressure (`tapped`)
-    tells the drive from the rest.
+    What a simulation shows of the difference is due to the forms that the library gives them, not
+    to physics.
     """
-    differ = [LIBRARY[name] for name in frozenset(one) ^ frozenset(other)]
-    if len(differ) != 2 or not differ[0].filter or differ[0].filter != differ[1].filter:
-        return False
-    return not (tapped and "drive" in {effect.stage for effect in differ})
+    differ = sorted(frozenset(one) ^ frozenset(other))
+    return len(differ) == 2 and same_filter(differ[0], differ[1], tapped)

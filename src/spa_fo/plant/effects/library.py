@@ -164,6 +164,17 @@ def alike(one: str, other: str) -> bool:
     return other in LIBRARY[one].equivalents or one in LIBRARY[other].equivalents
 
 
+def same_filter(one: str, other: str, pressed: bool) -> bool:
+    """Say whether two effects are the same linear filter at two places in the chain.
+
+    Filters in series change places without a trace. A measured pressure (`pressed`) tells the drive
+    from the rest.
+    """
+    first, second = LIBRARY[one], LIBRARY[other]
+    told = pressed and "drive" in (first.stage, second.stage)
+    return bool(first.filter) and first.filter == second.filter and not told
+
+
 def acts_like(name: str, stage: Stage) -> bool:
     """Say whether an effect acts like one of a stage."""
     return any(effect.stage == stage and alike(name, other) for other, effect in LIBRARY.items())
