@@ -146,26 +146,33 @@ class Friction:
 class Bundle:
     """Levels of chains that stiffen until they are passed or have been passed for long."""
 
-    def __init__(self, fraction, loadings, dwell, share, span, step):
-        self.fraction, self.loadings, self.dwell, self.share = fraction, loadings, dwell, share
-        self.first = span * np.arange(9) / 9.0
-        self.width = span / 9.0
+    def __init__(self, fraction, loadings, dwell, share, rejoins, span, step):
+        self.fraction, self.loadings, self.dwell = fraction, loadings, dwell
+        self.share, self.rejoins = share, rejoins
+        self.first = span * np.arange(12) / 12.0
+        self.width = span / 12.0
         self.step = step
-        self.virgin = np.ones(9)
+        self.virgin = np.ones(12)
 
     def _passed(self, angle):
         return np.clip(angle - self.first, 0.0, self.width)
 
+    def _softened(self, before, after):
+        newly = np.maximum(self._passed(after) - self._passed(before), 0.0) / self.width
+        return self.virgin * np.exp(-newly / self.loadings)
+
     def moment(self, before, after):
         middle = 0.5 * (before + after)
-        chains = float(self.virgin @ self._passed(middle))
+        virgin = self._softened(before, middle)
+        chains = float(virgin @ self._passed(middle))
+        ahead = np.interp(middle, self.first, virgin) * max(middle, 0.0)
+        own = (1.0 - self.rejoins) * chains + self.rejoins * ahead
         whole = float(np.mean(self.virgin)) * middle
-        return self.fraction * (self.share * chains + (1.0 - self.share) * whole)
+        return self.fraction * (self.share * own + (1.0 - self.share) * whole)
 
     def accept(self, before, after):
         beyond = self._passed(after) / self.width
-        newly = np.maximum(beyond - self._passed(before) / self.width, 0.0)
-        self.virgin *= np.exp(-beyond * self.step / self.dwell - newly / self.loadings)
+        self.virgin = self._softened(before, after) * np.exp(-beyond * self.step / self.dwell)
 
 
 def loop(load, step, x, law, missed=None):

@@ -50,10 +50,16 @@ def test_unknown_has_to_be_more_probable_than_all_that_is_named():
     assert judge(every, 0.34, 0.0).kind == "ambiguous"
 
 
-def test_a_gap_has_to_be_more_probable_than_none():
-    for none, kind in ((0.51, "no_gap"), (0.49, "cause")):
+def test_a_cause_has_to_be_more_probable_than_none():
+    for none, kind in ((0.46, "no_gap"), (0.44, "cause")):
         every = [scored((), none), scored(("creep",), 0.9 - none)]
         assert judge(every, 0.1, 0.0).kind == kind
+
+
+def test_several_causes_are_no_more_probable_than_none_together():
+    every = [scored((), 0.4), scored(("creep",), 0.3), scored(("leak",), 0.2)]
+    assert judge(every, 0.1, 0.0).kind == "no_gap"
+    assert judge(every, 0.51, 0.0).kind == "unknown"
     assert set(stage_shares(judge([scored((), 1.0)], 0.0, 0.0)).values()) == {0.0}
 
 

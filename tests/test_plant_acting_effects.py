@@ -198,9 +198,12 @@ def test_the_inflated_actuator_is_slower_or_the_empty_one() -> None:
 
 def test_the_size_of_a_rotation_is_never_negative() -> None:
     angle = np.linspace(-20.0, 60.0, 81)
-    found = act("unsigned_reading", angle, angle, share=1.0, across_deg=3.0)
+    found = act("unsigned_reading", angle, angle, share=1.0, across_deg=3.0, zero_deg=0.0)
     np.testing.assert_allclose(found, np.sqrt(angle**2 + 9.0))
     assert found.min() == pytest.approx(3.0)
+    # Tared where it is bent, what is less than that is read as more.
+    tared = act("unsigned_reading", angle, angle, share=1.0, across_deg=0.005, zero_deg=10.0)
+    np.testing.assert_allclose(tared, 10.0 + np.abs(angle - 10.0), atol=0.006)
 
 
 # --- all of them -----------------------------------------------------------------------------

@@ -235,6 +235,7 @@ LAWS = {
         p["loadings"],
         p["dwell_s"],
         p["level_share"],
+        p["rejoins"],
         math.radians(p["span_deg"]),
         STEP_S,
     ),

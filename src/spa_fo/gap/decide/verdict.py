@@ -63,11 +63,17 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
         Each explanation with its probability, most probable first; nothing is ``()``.
     unknown : float
         Probability that none of them is the cause.
+
+    Notes
+    -----
+    There is no gap where nothing is more probable, be it a set or an unknown cause: a cause is
+    not named that is less probable than none, though some cause may be more.
     """
     s = SETTINGS
     none = sum(probability for ids, probability in scored if not ids)
-    total = sum(probability for ids, probability in scored if ids)
-    if none >= total + unknown:
+    named = [probability for ids, probability in scored if ids]
+    total = sum(named)
+    if none >= max([*named, unknown]):
         return "no_gap", ()
     standing: list[Ids] = []
     held = 0.0

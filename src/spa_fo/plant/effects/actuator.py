@@ -99,7 +99,7 @@ def move(
     drifting = not math.isnan(e[THERMAL_DRIFT])
     looped = stiff or heavy or stopped or mullins or rubbing
 
-    width = math.radians(e[MULLINS_SOFTENING + 4]) / MULLINS_LEVELS if mullins else 0.0
+    width = math.radians(e[MULLINS_SOFTENING + 5]) / MULLINS_LEVELS if mullins else 0.0
     below = np.append(0.0, np.cumsum(virgin))
     radii = np.ones(STOPS)
     if rubbing:
@@ -146,7 +146,14 @@ def move(
                     slope += tangent
                 if mullins:
                     part, tangent = virgin_moment(
-                        middle, virgin, below, width, e[MULLINS_SOFTENING + 3]
+                        angle + known,
+                        middle,
+                        virgin,
+                        below,
+                        width,
+                        e[MULLINS_SOFTENING + 1],
+                        e[MULLINS_SOFTENING + 3],
+                        e[MULLINS_SOFTENING + 4],
                     )
                     moment += e[MULLINS_SOFTENING] * part
                     slope += e[MULLINS_SOFTENING] * tangent

@@ -1,4 +1,9 @@
-"""Stress softening: the first loadings to a given maximum are stiffer."""
+"""Stress softening: the first loadings to a given maximum are stiffer.
+
+Beyond the largest angle so far a softened actuator is as stiff as it ever was there: each level of
+angle pulls by itself, or all of it is back on the path of virgin material. Both are in the
+literature, and which it is a fit says.
+"""
 
 from __future__ import annotations
 
@@ -41,6 +46,14 @@ EFFECT = Effect(
             high=1.0,
             start=0.5,
         ),
+        amplitude(
+            "rejoins",
+            "1",
+            "share of that which is back wherever an angle is new, as if nothing were softened",
+            spread=0.6,
+            high=1.0,
+            start=0.3,
+        ),
         shape(
             "span_deg",
             "deg",
@@ -60,27 +73,58 @@ EFFECT = Effect(
     ),
 )
 
-MULLINS_LEVELS = 9
+MULLINS_LEVELS = 12
+
+
+@njit
+def _newly(level: int, before: float, after: float) -> float:
+    """Share of a level that is passed upwards from one angle to another, in levels."""
+    return max(min(max(after - level, 0.0), 1.0) - min(max(before - level, 0.0), 1.0), 0.0)
 
 
 @njit
 def virgin_moment(
-    angle: float, virgin: Floats, below: Floats, width: float, share: float
+    before: float,
+    angle: float,
+    virgin: Floats,
+    below: Floats,
+    width: float,
+    loadings: float,
+    share: float,
+    rejoins: float,
 ) -> tuple[float, float]:
     """Moment of what has not been softened yet, and its slope.
 
-    Chains of the levels that the angle has passed pull (`share` of it), and the whole bundle
-    stiffens the actuator as a whole (the rest). Levels are `width` (rad) apart, `below` are the
-    sums of those below each and of all.
+    The levels that the angle has passed pull (`share` of it), and the whole bundle stiffens the
+    actuator as a whole (the rest). Either each level pulls by itself, or (`rejoins`) all is as
+    stiff as the level that the angle is at: beyond the largest angle so far the actuator is back
+    on the path of virgin material (Ogden and Roxburgh 1999), which softens on the way from
+    `before`, where the levels are known. They are `width` (rad) apart, `below` are the sums of
+    those below each and of all.
     """
-    level = 0
-    while level < virgin.size - 1 and angle > (level + 1) * width:
-        level += 1
+    last = virgin.size - 1
+    level = min(int(max(angle, 0.0) / width), last)
     part = min(max(angle - level * width, 0.0), width)
     local = width * below[level] + virgin[level] * part
     tangent = virgin[level] if 0.0 < part < width else 0.0
+    for j in range(min(int(max(before, 0.0) / width), last), level + 1):
+        newly = _newly(j, before / width, angle / width)
+        local += virgin[j] * (part if j == level else width) * math.expm1(-newly / loadings)
     whole = below[virgin.size] / virgin.size
-    return share * local + (1.0 - share) * whole * angle, share * tangent + (1.0 - share) * whole
+    back, steeper = 0.0, 0.0
+    if rejoins > 0.0 and angle > 0.0:
+        at = min(angle / width, float(last))
+        lower = min(int(at), last - 1)
+        passed = _newly(lower, before / width, angle / width)
+        there = _newly(lower + 1, before / width, angle / width)
+        under = virgin[lower] * math.exp(-passed / loadings)
+        more = virgin[lower + 1] * math.exp(-there / loadings) - under
+        here = under + (at - lower) * more
+        back = here * angle
+        steeper = here + (angle / width * more if 0.0 < at < last else 0.0)
+    own = (1.0 - rejoins) * local + rejoins * back
+    own_slope = (1.0 - rejoins) * tangent + rejoins * steeper
+    return share * own + (1.0 - share) * whole * angle, share * own_slope + (1.0 - share) * whole
 
 
 @njit
@@ -102,6 +146,5 @@ def soften(
         if beyond == 1.0 and there - j >= 1.0:
             virgin[j] *= passed
         elif beyond > 0.0:
-            newly = max(beyond - min(max(there - j, 0.0), 1.0), 0.0)
-            virgin[j] *= math.exp(-beyond * step / dwell - newly / loadings)
+            virgin[j] *= math.exp(-beyond * step / dwell - _newly(j, there, here) / loadings)
         below[j + 1] = below[j] + virgin[j]
