@@ -12,7 +12,7 @@ import pytest
 from reduced_workflow import configure, snakemake
 from spa_fo.api import Campaign, Comparison
 from spa_fo.cli import main
-from spa_fo.plant.effects.library import stage_of
+from spa_fo.plant.effects.library import LIBRARY
 
 BIAS = "bias 0 to 1 psi"  # the opposite chambers push against the bending: a stiffer actuator
 SAME_DRIVE = "slow pulses, pressure, early to late"
@@ -38,7 +38,8 @@ def wrongly_believed(document: Mapping[str, Any], stage: str) -> list[list[str]]
     return [
         each["set"]
         for each in named
-        if each["probability"] > BELIEVED and stage_of(each["set"]) != {stage}
+        if each["probability"] > BELIEVED
+        and {LIBRARY[name].stage for name in each["set"]} != {stage}
     ]
 
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spa_fo.plant.effects import (
     body_mode,
@@ -188,18 +187,3 @@ def beside(ids: Sequence[str], names: Sequence[str]) -> list[str]:
 def absent() -> Floats:
     """Return the vector of all parameters with no effect in it: NaN in every slot."""
     return np.full(LIBRARY.size, np.nan)
-
-
-def switches(parameters: Floats) -> NDArray[np.bool_]:
-    """Say which effects of the library a vector of all parameters holds."""
-    return np.array(
-        [
-            bool(effect.parameters) and not np.isnan(parameters[effect.first])
-            for effect in LIBRARY.values()
-        ]
-    )
-
-
-def stage_of(ids: Sequence[str]) -> set[Stage]:
-    """Return the stages of the effects `ids`."""
-    return {LIBRARY[name].stage for name in ids}
