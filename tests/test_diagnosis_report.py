@@ -242,6 +242,18 @@ def test_no_gap_blames_nothing() -> None:
     assert sections(text)["How far it shrinks"] == "There is no gap to close."
 
 
+def test_no_gap_says_what_accounts_for_an_error_beyond_the_noise_floor() -> None:
+    beyond, within = (replace(NO_GAP, gap=Gap(error, 0.5, False, 0.43)) for error in (0.9, 0.4))
+    errors = "errors of the given model and of the calibration"
+    assert (
+        f"1.8 times what repeated trials differ by (0.50°), but no more than that and {errors}"
+        in document(beyond)
+    )
+    assert f"which the noise floor with {errors} accounts for" in verdict(beyond)
+    assert "which is no more than repeated trials differ by (0.50°)" in document(within)
+    assert errors not in document(within)
+
+
 def test_an_ambiguous_verdict_names_every_set_and_what_would_decide() -> None:
     page = sections(document(AMBIGUOUS))
     assert (

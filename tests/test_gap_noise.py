@@ -24,6 +24,7 @@ from spa_fo.gap.noise.coloured import (
     scatter,
 )
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.rig.calibration import Calibration, calibrate
 
 Floats = NDArray[np.float64]
 
@@ -157,17 +158,23 @@ def test_contrasts_have_the_noise_of_one_trial_and_no_mean() -> None:
 # --- the fixture ----------------------------------------------------------------------------------
 
 
-def calibrated(error_deg: float, loop_deg: float, seed: int) -> SimpleNamespace:
-    """A calibration up and down over 19 angles, its film with a smooth loop."""
+def calibrated(
+    error_deg: float, loop_deg: float, seed: int, both: bool = True, changed_deg: float = 0.0
+) -> Calibration:
+    """A calibration over 19 angles, up and down or up alone; its film has a smooth loop.
+
+    `changed_deg` is a wave that the sensor's curve has.
+    """
     rng = np.random.default_rng(seed)
-    angles = [*np.arange(0.0, 91.0, 5.0)]
-    dwells = []
-    for direction, sign in (("up", 1.0), ("down", -1.0)):
-        for angle in angles if direction == "up" else angles[::-1]:
-            loop = 0.5 * sign * loop_deg * np.sin(np.pi * angle / 90.0)
-            mean = angle + loop + error_deg * rng.standard_normal()
-            dwells.append(SimpleNamespace(angle_deg=angle, direction=direction, mean=mean))
-    return SimpleNamespace(dwells=dwells, angle_deg=lambda counts: counts)
+    angles = np.arange(0.0, 91.0, 5.0)
+    known = np.concatenate([angles, angles[::-1]]) if both else angles
+    up = np.arange(known.size) < angles.size
+    loop = loop_deg * np.where(up, 0.5, -0.5) * np.sin(np.pi * known / 90.0)
+    wave = changed_deg * np.sin(np.pi * known / 20.0)
+    counts = 10.0 * (known + loop + wave + error_deg * rng.standard_normal(known.size))
+    t_s = np.arange(0.0, 5.0 * known.size, 0.1)
+    at = np.minimum((t_s / 5.0).astype(int), known.size - 1)
+    return calibrate(t_s, known[at], 100.0 + counts[at], f"{seed}.log")
 
 
 @pytest.mark.parametrize("error_deg", [0.03, 0.2, 0.8])
@@ -175,45 +182,55 @@ def calibrated(error_deg: float, loop_deg: float, seed: int) -> SimpleNamespace:
 def test_the_error_of_a_dwells_angle_is_found_beside_a_loop(
     error_deg: float, loop_deg: float
 ) -> None:
-    found = [dwell_error([calibrated(error_deg, loop_deg, seed)]) for seed in range(12)]  # type: ignore[list-item]
-    assert None not in found
-    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(error_deg, rel=0.2, abs=0.02)
+    found = [dwell_error([calibrated(error_deg, loop_deg, seed)]) for seed in range(12)]
+    assert {told for _, told in found} == {16.0}  # the top is held once
+    mean = np.sqrt(np.mean([error**2 for error, _ in found if error is not None]))
+    assert mean == pytest.approx(error_deg, rel=0.2, abs=0.02)
 
 
 def test_no_fixture_is_exact_though_a_coarse_converter_reads_the_same_both_ways() -> None:
-    exact = dwell_error([calibrated(0.0, 0.0, 1)])  # type: ignore[list-item]
+    exact, _ = dwell_error([calibrated(0.0, 0.0, 1)])
     assert exact is not None
     assert 0.0 < exact < 0.01
 
 
-def test_two_calibrations_of_one_way_tell_the_error_too() -> None:
-    def once(seed: int) -> SimpleNamespace:
-        found = calibrated(0.5, 3.0, seed)
-        found.dwells = [d for d in found.dwells if d.direction == "up"]
-        return found
+def test_what_has_become_of_the_curve_since_is_no_error_of_the_fixture() -> None:
+    found = [
+        dwell_error([calibrated(0.2, 1.0, seed), calibrated(0.2, 1.0, seed + 50, changed_deg=4.0)])
+        for seed in range(12)
+    ]
+    mean = np.sqrt(np.mean([error**2 for error, _ in found if error is not None]))
+    assert mean == pytest.approx(0.2, rel=0.25)
 
-    found = [dwell_error([once(seed), once(seed + 100)]) for seed in range(12)]  # type: ignore[list-item]
-    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(0.5, rel=0.2)  # type: ignore[arg-type]
+
+@pytest.mark.parametrize("error_deg", [0.2, 0.8])
+def test_one_way_scatters_about_its_smooth_curve_by_the_error(error_deg: float) -> None:
+    found = [dwell_error([calibrated(error_deg, 3.0, seed, both=False)]) for seed in range(12)]
+    assert all(told > 5.0 for _, told in found)
+    mean = np.sqrt(np.mean([error**2 for error, _ in found if error is not None]))
+    assert mean == pytest.approx(error_deg, rel=0.25)
 
 
 def test_few_angles_move_the_error_from_what_is_usual_by_as_much_as_they_say() -> None:
     def few(error_deg: float, seed: int) -> SimpleNamespace:
         found = calibrated(error_deg, 0.0, seed)
-        found.dwells = [d for d in found.dwells if d.angle_deg in (0.0, 45.0, 90.0)]
-        return found
+        kept = [d for d in found.dwells if d.angle_deg in (0.0, 45.0, 85.0)]
+        return SimpleNamespace(dwells=kept, angle_deg=lambda counts: (counts - 100.0) / 10.0)
 
     usual = SETTINGS.dwell_error_deg
-    exact, rough = (dwell_error([few(error, 1)]) for error in (0.0, 5.0))  # type: ignore[list-item]
+    (exact, told), (rough, _) = (dwell_error([few(error, 1)]) for error in (0.0, 5.0))  # type: ignore[list-item]
+    assert told == 1.0
     assert exact == pytest.approx(np.sqrt(0.75) * usual)
     assert rough is not None
     assert rough > 3.0 * usual
 
 
-def test_angles_that_were_held_once_say_nothing_of_their_error() -> None:
-    once = calibrated(0.5, 0.0, 1)
-    once.dwells = [d for d in once.dwells if d.direction == "up"]
-    assert dwell_error([once]) is None  # type: ignore[list-item]
-    assert dwell_error([]) is None
+def test_a_curve_through_every_angle_says_nothing_of_their_error() -> None:
+    assert dwell_error([]) == (None, 0.0)
+    t_s = np.arange(0.0, 15.0, 0.1)
+    at = np.minimum((t_s / 5.0).astype(int), 2)
+    three = calibrate(t_s, np.array([0.0, 40.0, 90.0])[at], np.array([1.0, 400.0, 980.0])[at], "c")
+    assert dwell_error([three]) == (None, 0.0)
 
 
 def test_what_the_bench_adds_is_said_where_trials_were_repeated() -> None:

@@ -104,13 +104,21 @@ def _together(ids: Sequence[str]) -> str:
     return f"{names} together" if len(ids) > 1 else names
 
 
+SMALL_ERRORS = "errors of the given model and of the calibration"
+
+
 def _missed(document: Mapping[str, Any]) -> str:
     gap = document["gap"]
     error, floor = gap["rmse_deg"], gap["noise_floor_deg"]
     scatter = f"repeated trials {_differ(document)}"
     text = f"The RMS error of the model is {error:.2f}°"
     if document["verdict"]["kind"] == "no_gap":
-        return f"{text}, which is no more than {scatter} ({floor:.2f}°)"
+        if error <= floor:
+            return f"{text}, which is no more than {scatter} ({floor:.2f}°)"
+        return (
+            f"{text}, {error / floor:.1f} times what {scatter} ({floor:.2f}°), but no more than "
+            f"that and {SMALL_ERRORS} may make it"
+        )
     if error <= floor:
         return f"{text}, the same in every trial, though {scatter} {floor:.2f}°"
     return f"{text}, {error / floor:.1f} times what {scatter} ({floor:.2f}°)"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.report.causes import percent, probability_of
 from spa_fo.report.effect_words import STAGE_WORDS, joined, phrase, words_of
+from spa_fo.report.headline import SMALL_ERRORS
 
 
 def verdict(diagnosis: Diagnosis) -> str:
@@ -18,10 +19,12 @@ def verdict(diagnosis: Diagnosis) -> str:
     gap = diagnosis.gap
     differ = "differ" if gap.repeats else "would be expected to differ"
     if diagnosis.kind == "no_gap":
+        more = gap.rmse_deg > gap.noise_floor_deg
+        beside = f" with {SMALL_ERRORS}" if more else ""
         return (
             f"The RMS error of the model on {diagnosis.campaign} is {gap.rmse_deg:.2f}°, which the "
-            f"noise floor accounts for: repeated trials {differ} by {gap.noise_floor_deg:.2f}° "
-            f"({_chance(diagnosis)}). There is **no gap** to explain."
+            f"noise floor{beside} accounts for: repeated trials {differ} by "
+            f"{gap.noise_floor_deg:.2f}° ({_chance(diagnosis)}). There is **no gap** to explain."
         )
     against = "where" if gap.rmse_deg > gap.noise_floor_deg else "the same in every trial, though"
     size = (

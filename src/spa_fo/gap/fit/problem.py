@@ -70,6 +70,7 @@ class AngleProblem(Explained):
         reach = self.evidence.reach
         super().__init__(slots_of(ids, reach), nuisance_scales(bench, slips), known)
         self.strength[_OF_TRIALS] += told_by_repeats(bench)
+        self.strength[DWELL] += bench.noise.fixture_told
         if slips:
             self.strength[REST] = WEAK  # what repeats differ by at rest is the slip's
         # Nuisances do not hide what all trials show: repeats have said how large they are, and

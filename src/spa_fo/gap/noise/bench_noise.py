@@ -5,9 +5,8 @@ Said beside a diagnosis; what explains the gap is weighed without it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +43,7 @@ TYPICAL = Scatter(
 _FIXED_DEG = 0.03  # error of averaging a curve over a step
 _RATE_STEP = 2e-3
 _FEWEST_ROWS = 12  # averaged samples that trials must share
+_LEAST_TOLD = 1.0  # degree of freedom: a curve through every angle tells nothing
 _NO_FIXTURE_DEG = 0.005  # is as exact: readings that agree to the count say no more
 _FEWEST_ANGLES = 3  # that two ways through a calibration must share
 _SURE = 4.0  # second differences; what is missing of so many is an ordinary fixture's
@@ -55,11 +55,12 @@ class BenchNoise:
 
     spectrum: Spectrum  # within a trial
     scatter: Scatter  # from trial to trial
-    fixture_deg: float | None  # error of a dwell's known angle; None where none was held twice
+    fixture_deg: float | None  # error of a dwell's known angle; None where nothing says it
     compared: bool = False  # whether a reference says what is to be expected
     foreseen_deg: float = 0.0  # how well it does where it does best, 1 sigma
     moving_nats: float = 0.0  # log evidence, of repeats alone, that zeros move and do not scatter
     zeros_deg: Floats | None = None  # (trials,): how they are expected to move, if known
+    fixture_told: float = 0.0  # degrees of freedom that say the fixture's error
 
     def moved_deg(self, trial: Integers) -> Floats:
         """Give how the zeros of these trials are expected to move, deg."""
@@ -182,16 +183,18 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
         nats, moved = _moving(differences, spectrum)
         zeros_deg = expit(nats + log_prior((name,)) - log_prior(())) * moved
     scattered = scatter(differences, spectrum, TYPICAL, zeros_deg)
-    fixture_deg = dwell_error(evidence.data.calibrations)
+    fixture_deg, told = dwell_error(evidence.data.calibrations)
     if beyond is None:
-        return BenchNoise(spectrum, scattered, fixture_deg, moving_nats=nats, zeros_deg=zeros_deg)
+        zeros = nats, zeros_deg
+        return BenchNoise(spectrum, scattered, fixture_deg, False, 0.0, *zeros, told)
     own = Spectrum(evidence.noise_deg**2, np.zeros(CORRELATION_S.size))
     if not beyond.repeats:
         own, scattered = spectrum, scattered.beside(beyond.scatter)
     else:  # a reading that came off in one of them is no noise
         scattered = beyond.scatter
     foreseen = own.beside(beyond.angle)
-    return BenchNoise(foreseen, scattered, fixture_deg, True, beyond.angle_deg)
+    foreseen_deg = beyond.angle_deg
+    return BenchNoise(foreseen, scattered, fixture_deg, True, foreseen_deg, fixture_told=told)
 
 
 def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Differences | None:
@@ -289,37 +292,60 @@ def _weigh(y: Floats, steps: Floats, which: Integers, sizes: Floats) -> tuple[Fl
     return np.concatenate(gains), np.vstack(amounts)
 
 
-def dwell_error(calibrations: Sequence[Calibration]) -> float | None:
+def dwell_error(calibrations: Sequence[Calibration]) -> tuple[float | None, float]:
     """Estimate the error of a calibration dwell's known angle, deg; None where nothing says it.
 
-    Between the ways up and down a sensor differs smoothly over the angle, and so it does from one
-    calibration to the next: what second differences over the angle hold is the fixture's error, of
-    two dwells at each angle.
+    Between the ways up and down a sensor differs smoothly over the angle: what second differences
+    over the angle hold is the fixture's error, of two dwells at each angle. Where the first
+    calibration goes one way, its angles scatter about its smooth curve by it. A later calibration
+    says nothing beside the first: what has become of the curve since need not be smooth.
+
+    Returns
+    -------
+    float or None, float
+        The error, and the degrees of freedom that say it.
     """
-    # By way up or down: what the first curve misreads at each known angle, deg.
-    ways = [
-        {
-            d.angle_deg: float(calibrations[0].angle_deg(d.mean)) - d.angle_deg
-            for d in calibration.dwells
-            if d.direction == direction
-        }
-        for calibration in calibrations
-        for direction in ("up", "down")
-    ]
-    squares = freedom = 0.0
-    for one, other in pairwise(filter(None, ways)):
-        shared = sorted(one.keys() & other.keys())
-        if len(shared) < _FEWEST_ANGLES:
-            continue
-        differences = np.array([one[angle] - other[angle] for angle in shared])
-        # Divided differences: the angles need not lie evenly.
-        before, after = np.diff(shared)[:-1], np.diff(shared)[1:]
-        share = before / (before + after)
-        bent = differences[1:-1] - (1.0 - share) * differences[:-2] - share * differences[2:]
-        squares += float(np.sum(bent**2 / (2.0 * (1.0 + (1.0 - share) ** 2 + share**2))))
-        freedom += bent.size
-    if not freedom:
-        return None
-    usual = max(_SURE - freedom, 0.0)
-    variance = (squares + usual * SETTINGS.dwell_error_deg**2) / (freedom + usual)
-    return max(float(np.sqrt(variance)), _NO_FIXTURE_DEG)
+    squares, told = 0.0, 0.0
+    for calibration in calibrations:
+        up, down = (
+            {
+                d.angle_deg: float(calibrations[0].angle_deg(d.mean)) - d.angle_deg
+                for d in calibration.dwells
+                if d.direction == direction
+            }
+            for direction in ("up", "down")
+        )
+        own = _bent(up, down)
+        squares, told = squares + float(np.sum(own)), told + own.size
+    if not told and calibrations:
+        squares, told = _scattered_about(calibrations[0])
+    if told < _LEAST_TOLD:
+        return None, 0.0
+    usual = max(_SURE - told, 0.0)
+    variance = (squares + usual * SETTINGS.dwell_error_deg**2) / (told + usual)
+    return max(float(np.sqrt(variance)), _NO_FIXTURE_DEG), told
+
+
+def _bent(one: Mapping[float, float], other: Mapping[float, float]) -> Floats:
+    """Square of each second difference over the angle of what two ways differ by, deg².
+
+    Each is as large as the square of a single dwell's error, on average.
+    """
+    shared = sorted(one.keys() & other.keys())
+    if len(shared) < _FEWEST_ANGLES:
+        return np.zeros(0)
+    differences = np.array([one[angle] - other[angle] for angle in shared])
+    # Divided differences: the angles need not lie evenly.
+    before, after = np.diff(shared)[:-1], np.diff(shared)[1:]
+    share = before / (before + after)
+    bent = differences[1:-1] - (1.0 - share) * differences[:-2] - share * differences[2:]
+    return np.asarray(bent**2 / (2.0 * (1.0 + (1.0 - share) ** 2 + share**2)))
+
+
+def _scattered_about(calibration: Calibration) -> tuple[float, float]:
+    """Square by which known angles scatter about the smooth curve, deg²; its degrees of freedom."""
+    known = np.unique([dwell.angle_deg for dwell in calibration.dwells])
+    if calibration.of_known.shape != (known.size, known.size):
+        return 0.0, 0.0  # some read the same
+    left = np.eye(known.size) - calibration.of_known
+    return float(np.sum((left @ known) ** 2)), float(np.sum(left**2))
