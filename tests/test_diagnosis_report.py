@@ -244,7 +244,7 @@ def test_no_gap_blames_nothing() -> None:
 
 def test_no_gap_says_what_accounts_for_an_error_beyond_the_noise_floor() -> None:
     beyond, within = (replace(NO_GAP, gap=Gap(error, 0.5, False, 0.43)) for error in (0.9, 0.4))
-    errors = "errors of the given model and of the calibration"
+    errors = "errors of the given model and of the sensor's curve"
     assert (
         f"1.8 times what repeated trials differ by (0.50°), but no more than that and {errors}"
         in document(beyond)

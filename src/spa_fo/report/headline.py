@@ -9,6 +9,8 @@ from spa_fo.plant.law import PLACES
 from spa_fo.report.causes import likelihood, percent
 from spa_fo.report.effect_words import joined, phrase, words_of
 
+SMALL_ERRORS = "errors of the given model and of the sensor's curve"
+
 _MOST_SETS = 3  # that a sentence names
 
 
@@ -102,9 +104,6 @@ def _how_sure(document: Mapping[str, Any], ids: Sequence[str]) -> str:
 def _together(ids: Sequence[str]) -> str:
     names = joined([phrase((each,)) for each in ids], "and")
     return f"{names} together" if len(ids) > 1 else names
-
-
-SMALL_ERRORS = "errors of the given model and of the calibration"
 
 
 def _missed(document: Mapping[str, Any]) -> str:

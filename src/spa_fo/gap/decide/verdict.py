@@ -66,8 +66,8 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
 
     Notes
     -----
-    There is no gap where nothing is more probable, be it a set or an unknown cause: a cause is
-    not named that is less probable than none, though some cause may be more.
+    There is no gap where nothing is more probable, be it a set or an unknown cause: no first cause
+    is less probable than none, though some cause may be more.
     """
     s = SETTINGS
     none = sum(probability for ids, probability in scored if not ids)

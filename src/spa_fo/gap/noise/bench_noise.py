@@ -185,16 +185,22 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     scattered = scatter(differences, spectrum, TYPICAL, zeros_deg)
     fixture_deg, told = dwell_error(evidence.data.calibrations)
     if beyond is None:
-        zeros = nats, zeros_deg
-        return BenchNoise(spectrum, scattered, fixture_deg, False, 0.0, *zeros, told)
+        return BenchNoise(
+            spectrum,
+            scattered,
+            fixture_deg,
+            moving_nats=nats,
+            zeros_deg=zeros_deg,
+            fixture_told=told,
+        )
     own = Spectrum(evidence.noise_deg**2, np.zeros(CORRELATION_S.size))
     if not beyond.repeats:
         own, scattered = spectrum, scattered.beside(beyond.scatter)
     else:  # a reading that came off in one of them is no noise
         scattered = beyond.scatter
     foreseen = own.beside(beyond.angle)
-    foreseen_deg = beyond.angle_deg
-    return BenchNoise(foreseen, scattered, fixture_deg, True, foreseen_deg, fixture_told=told)
+    known = fixture_deg, True, beyond.angle_deg
+    return BenchNoise(foreseen, scattered, *known, fixture_told=told)
 
 
 def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Differences | None:

@@ -98,30 +98,28 @@ def virgin_moment(
     The levels that the angle has passed pull (`share` of it), and the whole bundle stiffens the
     actuator as a whole (the rest). Either each level pulls by itself, or (`rejoins`) all is as
     stiff as the level that the angle is at: beyond the largest angle so far the actuator is back
-    on the path of virgin material (Ogden and Roxburgh 1999), which softens on the way from
-    `before`, where the levels are known. They are `width` (rad) apart, `below` are the sums of
-    those below each and of all.
+    on the path of virgin material (Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431). All
+    softens on the way from `before`, where the levels are known. They are `width` (rad) apart, `below` are
+    the sums of those below each and of all.
     """
-    last = virgin.size - 1
-    level = min(int(max(angle, 0.0) / width), last)
+    last, start, at = virgin.size - 1, before / width, angle / width
+    level = min(int(max(at, 0.0)), last)
     part = min(max(angle - level * width, 0.0), width)
     local = width * below[level] + virgin[level] * part
     tangent = virgin[level] if 0.0 < part < width else 0.0
-    for j in range(min(int(max(before, 0.0) / width), last), level + 1):
-        newly = _newly(j, before / width, angle / width)
-        local += virgin[j] * (part if j == level else width) * math.expm1(-newly / loadings)
+    for j in range(min(int(max(start, 0.0)), last), level + 1):
+        softened = math.expm1(-_newly(j, start, at) / loadings)
+        local += virgin[j] * (part if j == level else width) * softened
     whole = below[virgin.size] / virgin.size
     back, steeper = 0.0, 0.0
     if rejoins > 0.0 and angle > 0.0:
-        at = min(angle / width, float(last))
-        lower = min(int(at), last - 1)
-        passed = _newly(lower, before / width, angle / width)
-        there = _newly(lower + 1, before / width, angle / width)
-        under = virgin[lower] * math.exp(-passed / loadings)
-        more = virgin[lower + 1] * math.exp(-there / loadings) - under
-        here = under + (at - lower) * more
+        lower = min(level, last - 1)
+        under = virgin[lower] * math.exp(-_newly(lower, start, at) / loadings)
+        over = virgin[lower + 1] * math.exp(-_newly(lower + 1, start, at) / loadings)
+        here = under + (min(at, float(last)) - lower) * (over - under)
         back = here * angle
-        steeper = here + (angle / width * more if 0.0 < at < last else 0.0)
+        # What softens on the way hardly bends it: Newton's steps need no more of the slope.
+        steeper = here + (at * (over - under) if at < last else 0.0)
     own = (1.0 - rejoins) * local + rejoins * back
     own_slope = (1.0 - rejoins) * tangent + rejoins * steeper
     return share * own + (1.0 - share) * whole * angle, share * own_slope + (1.0 - share) * whole

@@ -59,8 +59,8 @@ EFFECT = Effect(
         ),
     ),
     name="reading without a sign",
-    means="the sensor logs the size of a rotation: never negative, and never zero where another "
-    "rotation is in it",
+    means="the sensor logs the size of a rotation: never below its zero, and never at it "
+    "where another rotation is in it",
     remedy="compute the angle about the axis of bending, with its sign, from the logged rotation",
     shown_in=("levels",),
     equivalents={
