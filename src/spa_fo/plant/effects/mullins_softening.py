@@ -99,8 +99,8 @@ def virgin_moment(
     actuator as a whole (the rest). Either each level pulls by itself, or (`rejoins`) all is as
     stiff as the level that the angle is at: beyond the largest angle so far the actuator is back
     on the path of virgin material (Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431). All
-    softens on the way from `before`, where the levels are known. They are `width` (rad) apart, `below` are
-    the sums of those below each and of all.
+    softens on the way from `before`, where the levels are known. They are `width`
+    (rad) apart, `below` are the sums of those below each and of all.
     """
     last, start, at = virgin.size - 1, before / width, angle / width
     level = min(int(max(at, 0.0)), last)
