@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import html
 import re
 from html.parser import HTMLParser
 
 
-def words(html: str) -> str:
-    """Return a page's text."""
-    return re.sub(r"<[^>]+>", " ", html)
+def words(page: str) -> str:
+    """Return a page's text, as a browser shows it."""
+    return html.unescape(re.sub(r"<[^>]+>", " ", page))
 
 
 class Addresses(HTMLParser):

@@ -56,8 +56,10 @@ def test_a_heading_of_its_own_is_kept() -> None:
 
 def test_a_table_says_what_it_shows_and_where_its_data_come_from(tmp_path: Path) -> None:
     write_pages([], {"errors": table(3)}, tmp_path)
-    text = words((tmp_path / "tables" / "errors.html").read_text(encoding="utf-8"))
-    assert "Errors &amp; more" in text
+    page = (tmp_path / "tables" / "errors.html").read_text(encoding="utf-8")
+    text = words(page)
+    assert "Errors &amp; more" in page
+    assert "Errors & more" in text
     assert "2.0" in text
     assert "synthetic data; virtual rig" in text
     assert "last" not in text
