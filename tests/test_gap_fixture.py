@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import naive_rig
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.effects.library import absent
-from spa_fo.rig import Calibration
+from spa_fo.rig import Calibration, Dwell
 from spa_fo.rig.calibration import calibrate
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log
 
@@ -67,3 +68,35 @@ def test_what_is_read_errs_by_the_errors_of_known_angles(calibration: Calibratio
     np.testing.assert_allclose(
         fixture.misread(read) @ (fixture.of_known @ error_deg), expected, atol=2e-5
     )
+
+
+def shaken(calibration: Calibration, sigma: float, seed: int) -> Calibration:
+    """Add noise to a calibration's counts that hardly changes while a window lasts."""
+    rng = np.random.default_rng(seed)
+
+    def wave(dwell: Dwell) -> NDArray[np.float64]:
+        parts = np.array_split(np.zeros(dwell.counts.size), 8)
+        return np.concatenate([part + sigma * rng.normal() for part in parts])
+
+    dwells = [replace(d, counts=d.counts + wave(d)) for d in calibration.dwells]
+    return replace(calibration, dwells=tuple(dwells))
+
+
+def test_windows_err_by_the_coloured_noise_that_they_show(calibration: Calibration) -> None:
+    slope = np.ptp(calibration.angles_deg) / np.ptp(calibration.counts)
+    quiet = laid_out(calibration).sigma_deg[8:]
+    for counts in (2.0, 6.0):
+        found = [laid_out(shaken(calibration, counts, seed)).sigma_deg[8:] for seed in range(20)]
+        # Two pieces of noise to a window.
+        expected = np.hypot(np.median(quiet), counts * slope / np.sqrt(2.0))
+        assert np.median(found) == pytest.approx(expected, rel=0.3)
+
+
+def test_a_sensor_that_still_moves_is_no_noise(calibration: Calibration) -> None:
+    def moving(dwell: Dwell) -> Dwell:
+        way = {"up": 1.0, "down": -1.0}.get(dwell.direction, 0.0)
+        return replace(dwell, counts=dwell.counts - 5.0 * way * np.exp(-dwell.t_s / 4.0))
+
+    still = laid_out(calibration)
+    settling = laid_out(replace(calibration, dwells=tuple(map(moving, calibration.dwells))))
+    np.testing.assert_allclose(settling.sigma_deg[8:], still.sigma_deg[8:], rtol=0.3)

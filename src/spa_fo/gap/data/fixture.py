@@ -122,6 +122,7 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
     if not calibrations:
         return None
     rows: list[tuple[float, ...]] = []
+    ways: list[str] = []
     paths: list[tuple[Floats, Integers]] = []
     start = dwells = 0
     for log, calibration in enumerate(calibrations):
@@ -137,6 +138,7 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         for dwell, at in zip(calibration.dwells, start + ends - stay, strict=True):
             windows = _windows(dwell, calibrations[0], int(at), dwell is calibration.dwells[0])
             rows += [(log, dwells, dwell.angle_deg, *window) for window in windows]
+            ways.append(dwell.direction)
             dwells += 1
         # Until the trials begin the sensor lies flat; after them its past hardly matters.
         rest_s = _SHORTEST_REST_S
@@ -148,6 +150,7 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         paths.append((np.append(held, np.zeros(rest)), level))
         start += level.size
     log_of, dwell_of, known, deviation, sigma, begin, end, settled = np.array(rows).T
+    sigma = np.hypot(sigma, wandering(deviation, sigma, dwell_of, np.array(ways)))
     same = (log_of == log_of[:, None]) & (known == known[:, None])
     still = same & (settled > 0.0)
     taken = np.where(still.any(axis=1, keepdims=True), still, same)
@@ -163,6 +166,27 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         paths=tuple(paths),
         steps=np.column_stack([begin, end]).astype(np.int64),
     )
+
+
+def wandering(deviation: Floats, sigma: Floats, dwell: Floats, ways: NDArray[np.str_]) -> float:
+    """Estimate by how much windows differ beyond their white noise, 1 sigma: noise is coloured.
+
+    The last two windows of each dwell say it, (rows,) arrays, where a sensor has settled; by what
+    it still moves there, all dwells of one of the `ways`, (dwells,), differ alike.
+    """
+    last = np.flatnonzero(np.diff(dwell, append=np.inf))
+    last = last[(last > 0) & (sigma[last] < _UNKNOWN_DEG)]
+    last = last[dwell[last - 1] == dwell[last]]
+    difference, way = deviation[last] - deviation[last - 1], ways[dwell[last].astype(np.int64)]
+    square, freedom = 0.0, 0
+    for one in np.unique(way):
+        own = difference[way == one]
+        square += float(np.sum((own - own.mean()) ** 2))
+        freedom += own.size - 1
+    if freedom < 1:
+        return 0.0
+    white = float(np.mean(sigma[last] ** 2))
+    return float(np.sqrt(max(0.5 * square / freedom - white, 0.0)))
 
 
 def _windows(dwell: Dwell, curve: Calibration, at: int, first: bool) -> Iterator[tuple[float, ...]]:
