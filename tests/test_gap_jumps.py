@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from spa_fo.gap.noise import bench_noise as room
-from spa_fo.gap.noise.bench_noise import jumps
+from spa_fo.gap.noise.bench_noise import jumps, trends
 
 Floats = NDArray[np.float64]
 Zeros = tuple[Floats, Floats, Floats]
@@ -115,3 +115,52 @@ def test_a_few_repeats_say_nothing() -> None:
     nats, zeros = jumps(*few)
     assert nats == 0.0
     assert not zeros.any()
+
+
+def trend_twin(zeros: Zeros, sizes: Floats, scatters: Floats) -> float:
+    """Weigh a trend of every size by the density of the contrasts under it."""
+    values, variance, contrasts = zeros
+    trials = contrasts.shape[1]
+    place = (np.arange(trials) + 0.5) / trials
+    shapes = contrasts @ np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
+    still, going = [], []
+    for scatter in scatters:
+        own = np.diag(scatter**2 + variance)
+        every = [0.0, *sizes]
+        log, *logs = [
+            multivariate_normal(np.zeros(len(own)), own + s**2 * shapes @ shapes.T).logpdf(values)
+            for s in every
+        ]
+        still.append(log)
+        going.append(float(logsumexp(logs)) - np.log(len(logs)))
+    return float(logsumexp(going) - logsumexp(still))
+
+
+@pytest.mark.parametrize("slope_deg", [0.0, 2.0])
+def test_the_evidence_of_a_trend_is_that_of_every_size_written_out(
+    slope_deg: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(4)
+    few = np.array([0.2, 2.0]), np.array([0.1, 1.0])
+    for name, values in zip(("_SHIFT_DEG", "_SCATTER_DEG"), few, strict=True):
+        monkeypatch.setattr(room, name, values)
+    zeros = seen(0.2 * rng.normal(size=8) + slope_deg * np.arange(8) / 8, 4)
+    assert trends(*zeros)[0] == pytest.approx(trend_twin(zeros, *few), abs=1e-8)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.floats(0.05, 1.0))
+def test_scatter_is_no_trend(seed: int, scatter: float) -> None:
+    zeros = scatter * np.random.default_rng(seed).normal(size=15)
+    assert trends(*seen(zeros, 5))[0] < 7.0
+
+
+def test_a_trend_is_found_and_taken_off() -> None:
+    truth = 3.0 * np.arange(15) / 15
+    nats, left = [], []
+    for seed in range(40):
+        one, found = trends(*seen(truth + 0.2 * np.random.default_rng(seed).normal(size=15), 5))
+        nats.append(one)
+        left.append(np.std(found - truth) / np.std(truth))
+    assert np.quantile(nats, 0.05) > 3.0
+    assert np.quantile(left, 0.95) < 0.3

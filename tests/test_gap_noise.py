@@ -159,11 +159,16 @@ def test_contrasts_have_the_noise_of_one_trial_and_no_mean() -> None:
 
 
 def calibrated(
-    error_deg: float, loop_deg: float, seed: int, both: bool = True, changed_deg: float = 0.0
+    error_deg: float,
+    loop_deg: float,
+    seed: int,
+    both: bool = True,
+    changed_deg: float = 0.0,
+    falling: bool = False,
 ) -> Calibration:
     """A calibration over 19 angles, up and down or up alone; its film has a smooth loop.
 
-    `changed_deg` is a wave that the sensor's curve has.
+    `changed_deg` is a wave that the sensor's curve has; counts may fall with the angle.
     """
     rng = np.random.default_rng(seed)
     angles = np.arange(0.0, 91.0, 5.0)
@@ -174,7 +179,8 @@ def calibrated(
     counts = 10.0 * (known + loop + wave + error_deg * rng.standard_normal(known.size))
     t_s = np.arange(0.0, 5.0 * known.size, 0.1)
     at = np.minimum((t_s / 5.0).astype(int), known.size - 1)
-    return calibrate(t_s, known[at], 100.0 + counts[at], f"{seed}.log")
+    read = 1000.0 - counts if falling else 100.0 + counts
+    return calibrate(t_s, known[at], read[at], f"{seed}.log")
 
 
 @pytest.mark.parametrize("error_deg", [0.03, 0.2, 0.8])
@@ -203,9 +209,13 @@ def test_what_has_become_of_the_curve_since_is_no_error_of_the_fixture() -> None
     assert mean == pytest.approx(0.2, rel=0.25)
 
 
+@pytest.mark.parametrize("falling", [False, True])
 @pytest.mark.parametrize("error_deg", [0.2, 0.8])
-def test_one_way_scatters_about_its_smooth_curve_by_the_error(error_deg: float) -> None:
-    found = [dwell_error([calibrated(error_deg, 3.0, seed, both=False)]) for seed in range(12)]
+def test_one_way_scatters_about_its_smooth_curve_by_the_error(
+    error_deg: float, falling: bool
+) -> None:
+    one_way = [calibrated(error_deg, 3.0, seed, False, falling=falling) for seed in range(12)]
+    found = [dwell_error([each]) for each in one_way]
     assert all(told > 5.0 for _, told in found)
     mean = np.sqrt(np.mean([error**2 for error, _ in found if error is not None]))
     assert mean == pytest.approx(error_deg, rel=0.25)

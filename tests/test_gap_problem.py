@@ -96,6 +96,39 @@ def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(evidence: Evidence) -> No
     assert LIBRARY["sensor_lag"].in_fixture
 
 
+def test_a_trial_may_begin_on_either_branch_of_a_loop(evidence: Evidence) -> None:
+    problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
+    z, n = point(problem, width_deg=4.0, turn_deg=3.0, exponent=1.0), problem.rows.size
+    columns = problem.columns(z)[:, problem.begun]
+    assert columns.shape[1] == problem.trials.size
+    assert not columns[n:].any()
+    for trial, column in zip(problem.trials, columns[:n].T, strict=True):
+        assert not column[problem.trial != trial].any()
+        own = column[problem.trial == trial]
+        # Half of the loop's width, until the actuator bends.
+        assert own[0] == pytest.approx(-2.0, abs=0.02)
+        assert abs(own[-1]) < 0.01
+    factor = problem.whitening.factor(1.0, 0.0)
+    white = problem.white(factor, problem.columns(z)[:, problem.moving])
+    np.testing.assert_allclose(problem.moved(factor, z), white, atol=1e-9 * np.abs(white).max())
+    assert AngleProblem(bench_of(evidence), ("hysteresis",)).begun.size == 0
+
+
+def test_a_loop_is_weighed_with_the_branches_that_trials_began_on(evidence: Evidence) -> None:
+    problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
+    z, b = point(problem, width_deg=4.0, turn_deg=3.0, exponent=0.8), np.zeros(problem.size)
+    b[problem.begun] = [0.7, -1.5, 0.0, 0.3]
+    step = 1e-4 * np.eye(z.size)[problem.free :]
+
+    def predicted(at: np.ndarray) -> np.ndarray:
+        return problem.at_rows(at) + problem.columns(at)[:, problem.begun] @ b[problem.begun]
+
+    numeric = np.array([(predicted(z + d) - predicted(z - d)) / 2e-4 for d in step]).T
+    found = problem.slopes_beside(z, b)[:, problem.free :]
+    np.testing.assert_allclose(found[: problem.rows.size], numeric[: problem.rows.size], atol=0.02)
+    assert np.abs(numeric).max() > 0.5
+
+
 def test_what_a_reference_says_is_foreseen_from_the_first_sample_on(evidence: Evidence) -> None:
     resting = [
         Foreseen(

@@ -49,6 +49,7 @@ class Evidence:
     pressure_noise_kpa: float  # the same of its pressure; NaN without
     variance: Floats  # (n,): of each averaged sample, deg²
     curve_sigma_deg: Floats  # (knots,): error of the calibrated curve at `CURVE_KNOTS_DEG`
+    curve_apart_deg: Floats  # (knots,): the same where an effect explains the calibration's loop
     fixture: Fixture | None  # dwells of all calibrations
     drift_deg: Floats  # (m,): what later ones read through the first curve, less what it read
     drift_sigma_deg: Floats  # (m,)
@@ -106,6 +107,7 @@ def collect(data: CampaignData) -> Evidence:
         pressure_noise_kpa=float("nan") if grid.measured_kpa is None else _white(pressures),
         variance=noise**2 / grid.counts + _BINNING_DEG**2 + (_TIMING_S * _rates(grid, rows)) ** 2,
         curve_sigma_deg=_curve_sigma(data.calibration),
+        curve_apart_deg=_curve_sigma(data.calibration, loop=False),
         fixture=fixture_of(data.calibrations, grid.trials[0].started_s),
         drift_deg=drift,
         drift_sigma_deg=sigma,
@@ -161,12 +163,16 @@ def curve_columns(angle_deg: Floats) -> Floats:
     return np.asarray(_HATS(angle_deg))
 
 
-def _curve_sigma(calibration: Calibration | None) -> Floats:
-    """Error of the curve at its knots."""
+def _curve_sigma(calibration: Calibration | None, loop: bool = True) -> Floats:
+    """Error of the curve at its knots, with half the calibration's loop or without."""
     knots = np.delete(np.array(CURVE_KNOTS_DEG), _ZERO_KNOT)
     if calibration is None:
         return np.full(knots.size, _CURVE_FLOOR_DEG)
     sigma = _sigma_at(calibration, knots)
+    if not loop and calibration.hysteresis_deg:
+        known = sorted(calibration.hysteresis_deg)
+        half = [0.5 * calibration.hysteresis_deg[angle] for angle in known]
+        sigma = np.sqrt(np.maximum(sigma**2 - np.interp(knots, known, np.abs(half)) ** 2, 0.0))
     low, high = calibration.range_deg
     # The curve is a line beyond its ends, and real sensors are not.
     sigma = np.where(knots < low, 0.3 * (low - knots), sigma)

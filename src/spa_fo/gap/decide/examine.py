@@ -104,7 +104,8 @@ def examine(
         if drive.best.ids != before:
             found = explained()
     noise = found.bench.noise
-    floor = noise_floor(everything, noise.moved_deg(everything.grid.sample_trial))
+    grid = everything.grid
+    floor = noise_floor(everything, noise.moved_deg(grid.sample_trial, grid.angle_deg))
     if not noise.spectrum.repeats:
         floor = noise.floor_deg(everything.grid.angle_deg)
     if beyond is not None:

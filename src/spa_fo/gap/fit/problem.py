@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
-from spa_fo.gap.fit.bench import DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
+from spa_fo.gap.fit.bench import BEGUN, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.mixed import WEAK
 from spa_fo.gap.noise.whitening import Factor
@@ -29,6 +29,7 @@ from spa_fo.plant.stages import felt_angle
 
 Floats = NDArray[np.float64]
 
+_BEGUN_STEP = 1e-3  # of a searched parameter, for the slope of what a beginning makes of it
 _KINK_DEG = 1.0  # over which the slope of a curve with kinks is taken
 _ARRIVED = 0.5  # of what filters leave to a dwell: nobody logs how the fixture came to stand
 _OF_TRIALS = [GAIN, REST, TIME_SCALE]
@@ -78,11 +79,13 @@ class AngleProblem(Explained):
         ordinary = [SETTINGS.scatter, SETTINGS.rest_scatter_deg, SETTINGS.scatter]
         usual = np.maximum(bench.scales[_OF_TRIALS], ordinary)
         self.most[_OF_TRIALS] = most(bench.noise.spectrum.repeats) * usual
+        self.most[BEGUN] = 2.0  # a film may begin on the other branch
         self.most[DWELL] = SETTINGS.most_scatter * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
         self._unseen = LIBRARY.slots(lambda e: e.in_trials_alone)
         self._later = LIBRARY.slots(lambda e: e.in_later)
         self._passing = LIBRARY.slots(lambda e: e.in_fixture and e.filter in PASSING)
+        self._looping = LIBRARY.slots(lambda e: e.in_fixture and e.filter not in PASSING)
         self._moving = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
         self.whitening, fixture, none = bench.whitening, self.evidence.fixture, np.zeros(0)
         further = [  # measured, and its error
@@ -96,6 +99,10 @@ class AngleProblem(Explained):
         angle = self.rows.merged(self.evidence.grid.angle_deg)
         self.measured = np.concatenate([angle, *(values for values, _ in further)])
         self.trial = np.concatenate([g.trial for g in self.rows.groups])
+        acting = [LIBRARY[name] for name in self.ids]
+        self._branched = [(e.slots, e.begun) for e in acting if e.begun is not None]
+        begin = LIBRARY.slots(lambda e: e.begun is not None)
+        self._branching = self.free + np.flatnonzero([s.place in begin for s in self.slots])
         self._lay()
 
     # --- the nuisances' columns ------------------------------------------------------------------
@@ -111,30 +118,34 @@ class AngleProblem(Explained):
             1,
             0 if fixture is None else int(fixture.dwell.max()) + 1,
             1 if fixture is not None and passing else 0,
+            len(self._branched) * self.trials.size,
             1 if slips else 0,
             len(evidence.grid.trials) if slips else 0,
             3 * self.trials.size,
             2 * self.trials.size if self.line else 0,
-            4 if self.trend else 0,
+            6 if self.trend else 0,
         ]
         self.size = sum(sizes)
         parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
-        self.curve, self.late, self.dwells, self.arrived, self.walk, *parts = parts
+        self.curve, self.late, self.dwells, self.arrived, self.begun, self.walk, *parts = parts
         self.steps, own, waves, self.trends = parts
         self.own, self.waves = own.reshape(-1, 3), waves.reshape(-1, 2)
         self.read = np.append(self.curve, self.dwells)
-        self.moving = np.append(self.read, self.arrived)
+        self.moving = np.concatenate([self.read, self.arrived, self.begun])
         self.group, self.variance = np.full(self.size, -1), np.ones(self.size)
         self.group[self.own] = [GAIN, REST, TIME_SCALE]
         self.group[self.dwells] = DWELL
+        self.group[self.begun] = BEGUN
         self.group[self.steps] = SLIP
         self.group[self.waves] = LINE
-        self.variance[self.curve] = evidence.curve_sigma_deg**2
+        looped = any(LIBRARY[n].first in self._looping for n in self.ids)
+        known = evidence.curve_apart_deg if looped else evidence.curve_sigma_deg
+        self.variance[self.curve] = known**2
         if curve:
             spread = [q.at(evidence.reach).spread for q in LIBRARY[curve].parameters]
             self.variance[self.curve] += np.square(spread)
         if self.trend:
-            self.variance[self.trends] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])
+            self.variance[self.trends[:4]] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])
         self.variance[self.late] = SETTINGS.angle_late_s**2
         self.variance[self.arrived] = _ARRIVED**2
         if slips:
@@ -151,14 +162,20 @@ class AngleProblem(Explained):
         out = self._still.copy()
         out[:n, self.read] = self._of_reading(rows.merged(y)) @ self._made_of
         out[n:, self.moving] = self._of_moving(z)
-        out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
+        out[:n, self.begun] = self._of_beginning(z)
         every, trial = np.arange(n), self.trial
+        out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
         own = self.own[np.searchsorted(self.trials, trial)].T
         out[every, own] = gain, np.ones(n), scale
         if self.trend:
             place = (trial + 0.5) / len(grid.trials)
             late, early = place - 0.5, np.exp(-6.0 * place)
-            out[:n, self.trends] = np.column_stack([late * gain, early * gain, late, early])
+            # Beside them what repeats let expect, about as large as they say.
+            noise, none = self.bench.noise, np.zeros(n)
+            gains = none if noise.gains is None else noise.gains[trial] * gain
+            zeros = none if noise.zeros_deg is None else noise.zeros_deg[trial]
+            of_gain, of_rest = (late * gain, early * gain), (late, early)
+            out[:n, self.trends] = np.column_stack([*of_gain, *of_rest, gains, zeros])
         if self.walk.size:
             out[:n, self.walk[0]] = grid.orders[trial] - 1.0
             out[:n, self.steps] = np.arange(self.steps.size) <= trial[:, None]
@@ -197,8 +214,9 @@ class AngleProblem(Explained):
         # A known angle's dwells have one column between them.
         own = self.whitening.white(factor, read) @ self._made_of
         none = np.zeros((own.shape[0], self.arrived.size))
+        begun = self.whitening.white(factor, self._of_beginning(z))
         rest = self._of_moving(z) / self.sigma[:, None]
-        return np.concatenate([np.hstack([own, none]), rest])
+        return np.concatenate([np.hstack([own, none, begun]), rest])
 
     def slopes_beside(self, z: Floats, b: Floats) -> Floats:
         """Slopes of the prediction and of what a wrong curve and wrong known angles make of it."""
@@ -206,11 +224,29 @@ class AngleProblem(Explained):
         known = self._made_of @ b[self.read]
         ends = [self._of_reading(y + side * _KINK_DEG) @ known for side in (0.5, -0.5)]
         slopes[:n] *= 1.0 + (ends[0] - ends[1])[:, None] / _KINK_DEG
+        for here in self._branching:
+            step = _BEGUN_STEP * np.eye(z.size)[here]
+            begun = self._of_beginning(z + step) - self._of_beginning(z)
+            slopes[:n, here] += begun @ b[self.begun] / _BEGUN_STEP
         if self.arrived.size:
             places = [slot.place in self._passing for slot in self.slots]
             lagging = self.free + np.flatnonzero(places)
             slopes[n : n + self.further[0], lagging] *= 1.0 + b[self.arrived]
         return slopes
+
+    def _of_beginning(self, z: Floats) -> Floats:
+        """Give what the states in which trials may have begun make of readings, (rows, begun)."""
+        grid, k = self.evidence.grid, np.searchsorted(self.trials, self.trial)
+        out = np.zeros((self.rows.size, len(self._branched), self.trials.size))
+        for (slots, begun), here in zip(self._branched, np.moveaxis(out, 1, 0), strict=True):
+            angle, own = self._angle(z), self.effects(z)[slots]
+            reading = np.zeros(angle.size)
+            for trial in self.trials:
+                first = grid.step_starts[trial]
+                steps = slice(first, first + grid.trial_steps[trial])
+                reading[steps] = begun(angle[steps], *own)
+            here[np.arange(k.size), k] = self.rows.merged(reading[grid.sample_step])
+        return out.reshape(self.rows.size, -1)
 
     def _of_reading(self, angle_deg: Floats) -> Floats:
         """Give what errors of the curve and of each known angle make of readings, (n, k)."""
@@ -238,9 +274,14 @@ class AngleProblem(Explained):
     def _predicted(self, z: Floats) -> tuple[Floats, Floats]:
         e = self.effects(z)
         deviation, mounting = self.in_fixture(e)
-        chain, moving = self.chain.mounted(mounting), np.append(z[:5], e[self._moving])
-        angle = self.once("angle", moving, lambda: chain.angles(to_x(z), e)[0])
+        chain, angle = self.chain.mounted(mounting), self._angle(z)
         return chain.observed(chain.read(angle, e, chain.memory.film.copy()), e), deviation
+
+    def _angle(self, z: Floats) -> Floats:
+        """Give the true angles at the ends of the grid's steps, deg."""
+        e = self.effects(z)
+        moving = np.append(z[:5], e[self._moving])
+        return self.once("angle", moving, lambda: self.chain.angles(to_x(z), e)[0])
 
     def in_fixture(self, effects: Floats) -> tuple[Floats, Mounting]:
         """Give what the fixture shows of effects, and how they leave the sensor after it."""

@@ -27,9 +27,11 @@ from spa_fo.gap.noise.coloured import (
 )
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import absent, at_port
+from spa_fo.plant.effects.effect import USUAL_DEG
+from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.rig import Calibration
+from spa_fo.rig.dwells import both_ways
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -42,6 +44,7 @@ TYPICAL = Scatter(
 """Scatter of trials before they are seen."""
 _FIXED_DEG = 0.03  # error of averaging a curve over a step
 _RATE_STEP = 2e-3
+_ZERO, _GAIN = 0, 1  # of what each contrast of repeats is fitted with
 _FEWEST_ROWS = 12  # averaged samples that trials must share
 _LEAST_TOLD = 1.0  # degree of freedom: a curve through every angle tells nothing
 _NO_FIXTURE_DEG = 0.005  # is as exact: readings that agree to the count say no more
@@ -59,12 +62,15 @@ class BenchNoise:
     compared: bool = False  # whether a reference says what is to be expected
     foreseen_deg: float = 0.0  # how well it does where it does best, 1 sigma
     moving_nats: float = 0.0  # log evidence, of repeats alone, that zeros move and do not scatter
-    zeros_deg: Floats | None = None  # (trials,): how they are expected to move, if known
+    zeros_deg: Floats | None = None  # (trials,): how they are expected to go with their order
+    gains: Floats | None = None  # (trials,): the same of their gains
     fixture_told: float = 0.0  # degrees of freedom that say the fixture's error
 
-    def moved_deg(self, trial: Integers) -> Floats:
-        """Give how the zeros of these trials are expected to move, deg."""
-        return np.zeros(trial.size) if self.zeros_deg is None else self.zeros_deg[trial]
+    def moved_deg(self, trial: Integers, angle_deg: Floats) -> Floats:
+        """Give how angles of these trials are expected to go with the trials' order, deg."""
+        if self.zeros_deg is None or self.gains is None:
+            return np.zeros(trial.size)
+        return self.zeros_deg[trial] + self.gains[trial] * angle_deg
 
     @property
     def is_ordinary(self) -> bool:
@@ -177,12 +183,12 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     found = [_taken_apart(evidence, each, (quick - plain) / _RATE_STEP) for each in alike]
     differences = [each for each in found if each is not None]
     spectrum = estimate(differences, evidence.noise_deg)
-    nats, zeros_deg = 0.0, None
-    name = at_port("zeros")
-    if beyond is None and differences and name is not None:
-        nats, moved = _moving(differences, spectrum)
-        zeros_deg = expit(nats + log_prior((name,)) - log_prior(())) * moved
-    scattered = scatter(differences, spectrum, TYPICAL, zeros_deg)
+    nats, zeros_deg, gains = 0.0, None, None
+    if beyond is None and differences:
+        nats, zeros_deg = _of_order(differences, spectrum, _ZERO)
+        largest_deg = evidence.reach.angle * USUAL_DEG
+        gains = _of_order(differences, spectrum, _GAIN, largest_deg)[1] / largest_deg
+    scattered = scatter(differences, spectrum, TYPICAL, zeros_deg, gains)
     fixture_deg, told = dwell_error(evidence.data.calibrations)
     if beyond is None:
         return BenchNoise(
@@ -191,6 +197,7 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
             fixture_deg,
             moving_nats=nats,
             zeros_deg=zeros_deg,
+            gains=gains,
             fixture_told=told,
         )
     own = Spectrum(evidence.noise_deg**2, np.zeros(CORRELATION_S.size))
@@ -216,14 +223,24 @@ def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Diff
     return contrasts(repeated.values[:, seen], averages, quicker[rows], which)
 
 
-def _moving(differences: Sequence[Differences], spectrum: Spectrum) -> tuple[float, Floats]:
-    """Weigh whether zeros move with the trials' order; see `jumps`."""
+def _of_order(
+    differences: Sequence[Differences], spectrum: Spectrum, which: int, unit: float = 1.0
+) -> tuple[float, Floats]:
+    """Weigh whether zeros, or gains in `unit` deg, go with the trials' order.
+
+    Returns nats that they jump or wander, and what is expected of all trials by that and a trend.
+    """
     own = [d.own(spectrum) for d in differences]
-    return jumps(
-        np.concatenate([values[:, 0] for values, _ in own]),
-        np.concatenate([np.full(len(values), variance[0]) for values, variance in own]),
+    seen = (
+        unit * np.concatenate([values[:, which] for values, _ in own]),
+        unit**2
+        * np.concatenate([np.full(len(values), variance[which]) for values, variance in own]),
         np.vstack([d.between for d in differences]),
     )
+    one = log_prior(tuple(LIBRARY)[:1]) - log_prior(())
+    (nats, jumped), (more, trended) = jumps(*seen), trends(*seen)
+    jump, trend = expit(nats + one), expit(more + one)
+    return nats, jump * jumped + (1.0 - jump) * trend * trended
 
 
 # Standard deviations that are tried, alike in weight: wide, assumed.
@@ -262,8 +279,7 @@ def jumps(values: Floats, variance: Floats, between: Floats) -> tuple[float, Flo
     if values.size < _FEWEST:
         return 0.0, np.zeros(trials)
     after = np.tri(trials)[:, 1:]
-    place = (np.arange(trials) + 0.5) / trials
-    trend = between @ np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
+    trend = between @ trend_shapes(trials)
     every = np.arange(trials - 1)
     pairs = np.column_stack(np.triu_indices(trials - 1, 1))
     hypotheses = [(every[:, None], _SHIFT_DEG), (pairs, _SHIFT_DEG), (every[None, :], _WALK_DEG)]
@@ -281,6 +297,36 @@ def jumps(values: Floats, variance: Floats, between: Floats) -> tuple[float, Flo
             means.append(after @ (softmax(gains) @ amounts))
     nats = float(logsumexp(moving) - np.log(len(moving)) - logsumexp(still) + np.log(len(still)))
     return nats, np.asarray(softmax(moving) @ np.array(means))
+
+
+def trend_shapes(trials: int) -> Floats:
+    """Two ways of going with the trials' order: evenly, and early, (trials, 2)."""
+    place = (np.arange(trials) + 0.5) / trials
+    return np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
+
+
+def trends(values: Floats, variance: Floats, between: Floats) -> tuple[float, Floats]:
+    """Weigh a trend with the trials' order, ζ = σ ε + τ T b, against scatter alone; see `jumps`.
+
+    Returns
+    -------
+    nats, trended : float, (trials,) array
+        Log evidence that there is a trend; what it is if so.
+    """
+    shapes = trend_shapes(between.shape[1])
+    if values.size < _FEWEST:
+        return 0.0, np.zeros(len(shapes))
+    still, going, means = [], [], []
+    for sigma in _SCATTER_DEG:
+        root = np.sqrt(sigma**2 + variance)
+        y, steps = values / root, (between @ shapes) / root[:, None]
+        log = -0.5 * float(y @ y) - float(np.sum(np.log(root)))
+        still.append(log)
+        gains, amounts = _weigh(y, steps, np.array([[0, 1]]), _SHIFT_DEG)
+        going.append(log + float(logsumexp(gains)) - np.log(gains.size))
+        means.append(shapes @ (softmax(gains) @ amounts))
+    nats = float(logsumexp(going) - logsumexp(still))
+    return nats, np.asarray(softmax(going) @ np.array(means))
 
 
 def _weigh(y: Floats, steps: Floats, which: Integers, sizes: Floats) -> tuple[Floats, Floats]:
@@ -353,5 +399,6 @@ def _scattered_about(calibration: Calibration) -> tuple[float, float]:
     known = np.unique([dwell.angle_deg for dwell in calibration.dwells])
     if calibration.of_known.shape != (known.size, known.size):
         return 0.0, 0.0  # some read the same
-    left = np.eye(known.size) - calibration.of_known
+    counts = [both_ways(calibration.dwells, angle) for angle in known.tolist()]
+    left = np.eye(known.size)[np.argsort(counts)] - calibration.of_known  # counts may fall
     return float(np.sum((left @ known) ** 2)), float(np.sum(left**2))

@@ -260,16 +260,19 @@ def scatter(
     spectrum: Spectrum,
     typical: Scatter,
     zeros_deg: Floats | None = None,
+    gains: Floats | None = None,
 ) -> Scatter:
     """Estimate what trials scatter by, about what is typical.
 
-    `zeros_deg`, (trials,), is what is known to move their zeros.
+    `zeros_deg` and `gains`, (trials,), are what is known to go with their order.
     """
     squares, freedom = np.zeros(3), _OWN_FREEDOM
     for d in differences:
         fitted, variance = d.own(spectrum)
         if zeros_deg is not None:
             fitted[:, 0] -= d.between @ zeros_deg
+        if gains is not None:
+            fitted[:, 1] -= d.between @ gains
         which = [1, 0, 3]  # gain, zero, time scale
         squares += np.sum(fitted[:, which] ** 2, axis=0) - len(fitted) * variance[which]
         freedom += len(fitted)

@@ -4,9 +4,48 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Check, Effect, Parameter, shape
 from spa_fo.plant.effects.shared import Floats
+
+
+@njit
+def lag_behind(y: Floats, width: float, turn: float, exponent: float, film: Floats) -> None:
+    """Duhem loop: the film lags by up to width/2, turning round over `turn` degrees.
+
+    What is left of the way r falls as dr/dθ = -r^exponent/turn: with 1 exponentially, with 1/2 as
+    a stack of plays of all widths does (Visintin 1994, doi:10.1007/978-3-662-11557-2).
+    """
+    state, before = film[0], film[1]
+    for i in range(y.size):
+        moved = y[i] - before
+        before = y[i]
+        if moved == 0.0:  # most of a fixture's steps: two powers would leave it where it is
+            y[i] -= 0.5 * width * state
+            continue
+        target = 1.0 if moved > 0.0 else -1.0
+        left = 0.5 * abs(target - state)
+        if abs(1.0 - exponent) < 1e-3:
+            left *= math.exp(-abs(moved) / turn)
+        else:
+            power = left ** (1.0 - exponent) - (1.0 - exponent) * abs(moved) / turn
+            left = power ** (1.0 / (1.0 - exponent)) if power > 0.0 else 0.0
+        state = target * (1.0 - 2.0 * left)
+        y[i] -= 0.5 * width * state
+    film[0], film[1] = state, before
+
+
+def begun(angle_deg: Floats, width: float, turn: float, exponent: float) -> Floats:
+    """Give half of what the two branches differ by that a film may begin on."""
+    branches = []
+    for state in (1.0, -1.0):
+        y = angle_deg.copy()
+        lag_behind(y, width, turn, exponent, np.array([state, angle_deg[0]]))
+        branches.append(y)
+    return np.asarray(0.5 * (branches[0] - branches[1]))
+
 
 EFFECT = Effect(
     id="sensor_hysteresis",
@@ -41,6 +80,7 @@ EFFECT = Effect(
     means="the reading depends on the direction of bending",
     remedy="calibrate up and down, and read angles after approaching them from below",
     in_fixture=True,
+    begun=begun,
     shown_in=("release", "levels"),
     equivalents={
         "hysteresis": Check(
@@ -48,29 +88,3 @@ EFFECT = Effect(
         )
     },
 )
-
-
-@njit
-def lag_behind(y: Floats, width: float, turn: float, exponent: float, film: Floats) -> None:
-    """Duhem loop: the film lags by up to width/2, turning round over `turn` degrees.
-
-    What is left of the way r falls as dr/dθ = -r^exponent/turn: with 1 exponentially, with 1/2 as
-    a stack of plays of all widths does (Visintin 1994, doi:10.1007/978-3-662-11557-2).
-    """
-    state, before = film[0], film[1]
-    for i in range(y.size):
-        moved = y[i] - before
-        before = y[i]
-        if moved == 0.0:  # most of a fixture's steps: two powers would leave it where it is
-            y[i] -= 0.5 * width * state
-            continue
-        target = 1.0 if moved > 0.0 else -1.0
-        left = 0.5 * abs(target - state)
-        if abs(1.0 - exponent) < 1e-3:
-            left *= math.exp(-abs(moved) / turn)
-        else:
-            power = left ** (1.0 - exponent) - (1.0 - exponent) * abs(moved) / turn
-            left = power ** (1.0 / (1.0 - exponent)) if power > 0.0 else 0.0
-        state = target * (1.0 - 2.0 * left)
-        y[i] -= 0.5 * width * state
-    film[0], film[1] = state, before
