@@ -13,7 +13,7 @@ from spa_fo.gap.claim import claimed
 from spa_fo.gap.claim.scatter import Judging
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.decide.explanation import Explanation, simulate
-from spa_fo.gap.fit.bench import Bench, bench_for
+from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE, Bench, bench_for
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.noise.coloured import Scatter, Spectrum
 from spa_fo.gap.search.fitted import fit
@@ -101,8 +101,9 @@ def test_what_the_explanation_misses_anyway_is_no_scatter(
 def test_more_than_trials_ever_scatter_is_left_too(
     bench: Bench, explained: tuple[Explanation, Floats]
 ) -> None:
-    steady = replace(bench, scales=bench.scales * np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0]))
-    found = scatter_of(steady, explained, 0.3 * explained[1])
+    scales = bench.scales.copy()
+    scales[[GAIN, REST, TIME_SCALE]] *= 1e-3
+    found = scatter_of(replace(bench, scales=scales), explained, 0.3 * explained[1])
     size = np.sqrt(np.mean((0.3 * explained[1]) ** 2))
     assert found < 0.2 * size
 
