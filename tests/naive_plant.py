@@ -46,13 +46,23 @@ def slew(signal, rise, ratio, approach):
     return np.array(out)
 
 
-def droop(signal, fraction, recovery_s, slow_share, exponent, throttled_share=0.0, slower=5.0):
+def droop(
+    signal,
+    fraction,
+    recovery_s,
+    slow_share,
+    exponent,
+    throttled_share=0.0,
+    slower=5.0,
+    steady_share=0.0,
+):
     out, before, quick, slow = [], 0.0, 0.0, 0.0
     for value in signal:
         asked = 30.0 * (max(value, 0.0) / 30.0) ** exponent
         rise = max(asked - before, 0.0)
         before = asked
-        quick += fraction * (1.0 - slow_share) * rise - MS * quick / recovery_s
+        paced = steady_share * fraction * 30.0 + (1.0 - steady_share) * quick
+        quick = max(quick - MS * paced / recovery_s, 0.0) + fraction * (1.0 - slow_share) * rise
         slow += fraction * slow_share * rise - MS * slow / (slower * recovery_s)
         given = 1.0 - throttled_share + throttled_share * value / 30.0
         if given * (quick + slow) > max(value, 0.0):

@@ -29,6 +29,7 @@ SIZES: dict[str, dict[str, float]] = {
         "exponent": 1.3,
         "throttled_share": 0.4,
         "slower": 6.0,
+        "steady_share": 0.4,
     },
     "leak": {"rate_per_s": 0.02, "makeup_per_s": 0.05, "vented_share": 0.6},
     "slew_limit": {"rise_kpa_s": 60.0, "fall_ratio": 0.7, "approach_s": 0.05},

@@ -48,8 +48,10 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     if not math.isnan(e[SLEW_LIMIT]):
         slew(p, starts, e[SLEW_LIMIT], e[SLEW_LIMIT + 1], e[SLEW_LIMIT + 2])
     if not math.isnan(e[SUPPLY_DROOP]):
-        fraction, recovery, slow, exponent, throttled, slower = e[SUPPLY_DROOP : SUPPLY_DROOP + 6]
-        droop(p, starts, fraction, recovery, slow, exponent, throttled, slower)
+        fraction, recovery, slow, exponent, throttled, slower, steady = e[
+            SUPPLY_DROOP : SUPPLY_DROOP + 7
+        ]
+        droop(p, starts, fraction, recovery, slow, exponent, throttled, slower, steady)
     if not math.isnan(e[LINE_LAG]):
         slow, fast = poles(e[LINE_LAG], e[LINE_LAG + 1])
         low_pass(p, starts, slow)

@@ -50,6 +50,11 @@ EFFECT = Effect(
             low=1.5,
             high=40.0,
         ),
+        share(
+            "steady_share",
+            "part of the quick recovery that goes at a steady pace, as behind a pump",
+            centre=0.2,
+        ),
     ),
     name="droop of the supply",
     means="the supply sags at each rise and recovers while the command is held",
@@ -78,9 +83,12 @@ def droop(
     exponent: float,
     throttled: float,
     slower: float,
+    steady: float,
 ) -> None:
     """Miss `fraction` of each rise in demand, recovering by two exponentials.
 
+    A pump fills a reservoir at a steady pace, a regulator from a larger one by what is missing: of
+    the quick part `steady` comes back so, at the pace by which a rise to 30 kPa does at first.
     A supply that has sagged gives less by so much, or, behind a throttle, by its share of what is
     drawn: then hardly anything of a small pressure is missing, and the supply goes on recovering.
     """
@@ -94,7 +102,8 @@ def droop(
                 before, earlier = p[i], asked
                 asked = demand(before, exponent)
                 rise = fraction * max(asked - earlier, 0.0)
-            fast_missing = quick * fast_missing + (1.0 - slow) * rise
+            paced = steady * fraction * REFERENCE_KPA + (1.0 - steady) * fast_missing
+            fast_missing = max(fast_missing - (1.0 - quick) * paced, 0.0) + (1.0 - slow) * rise
             slow_missing = lazy * slow_missing + slow * rise
             given = 1.0 + throttled * (before / REFERENCE_KPA - 1.0)
             missing = given * (fast_missing + slow_missing)
