@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from spa_fo.gap.noise import bench_noise as room
-from spa_fo.gap.noise.bench_noise import jumps, trends
+from spa_fo.gap.noise import order as room
+from spa_fo.gap.noise.order import jumps, trends
 
 Floats = NDArray[np.float64]
 Zeros = tuple[Floats, Floats, Floats]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from spa_fo.gap.noise.bench_noise import BenchNoise, dwell_error
+from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.noise.coloured import (
     CORRELATION_S,
     TYPICAL_DEG,
@@ -23,6 +23,7 @@ from spa_fo.gap.noise.coloured import (
     estimate,
     scatter,
 )
+from spa_fo.gap.noise.dwell_error import dwell_error
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.rig.calibration import Calibration, calibrate
 

@@ -20,6 +20,7 @@ from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
 from spa_fo.gap.fit.bench import BEGUN, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.mixed import WEAK
+from spa_fo.gap.noise.order import trend_shapes
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Mounting
@@ -28,6 +29,7 @@ from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 from spa_fo.plant.stages import felt_angle
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 _BEGUN_STEP = 1e-3  # of a searched parameter, for the slope of what a beginning makes of it
 _KINK_DEG = 1.0  # over which the slope of a curve with kinks is taken
@@ -168,14 +170,7 @@ class AngleProblem(Explained):
         own = self.own[np.searchsorted(self.trials, trial)].T
         out[every, own] = gain, np.ones(n), scale
         if self.trend:
-            place = (trial + 0.5) / len(grid.trials)
-            late, early = place - 0.5, np.exp(-6.0 * place)
-            # Beside them what repeats let expect, about as large as they say.
-            noise, none = self.bench.noise, np.zeros(n)
-            gains = none if noise.gains is None else noise.gains[trial] * gain
-            zeros = none if noise.zeros_deg is None else noise.zeros_deg[trial]
-            of_gain, of_rest = (late * gain, early * gain), (late, early)
-            out[:n, self.trends] = np.column_stack([*of_gain, *of_rest, gains, zeros])
+            out[:n, self.trends] = self._of_order(trial, gain)
         if self.walk.size:
             out[:n, self.walk[0]] = grid.orders[trial] - 1.0
             out[:n, self.steps] = np.arange(self.steps.size) <= trial[:, None]
@@ -187,6 +182,14 @@ class AngleProblem(Explained):
             ]
             out[every, waves] = np.concatenate(phased).T
         return out
+
+    def _of_order(self, trial: Integers, gain: Floats) -> Floats:
+        """Give what goes with the trials' order, (rows, 6), over what a trial's gain makes."""
+        shapes, noise = trend_shapes(len(self.evidence.grid.trials))[trial], self.bench.noise
+        # Beside them what repeats let expect, about as large as they say.
+        gains, zeros = noise.expected(trial)
+        own = [gain[:, None] * shapes, shapes, gain[:, None] * gains[:, None], zeros[:, None]]
+        return np.hstack(own)
 
     def _of_calibrations(self) -> Floats:
         """Lay out all columns at the rows of the fixture and of later calibrations."""

@@ -3,7 +3,7 @@
 A form that is wrong is wrong in all repeats of an experiment alike, which is why the evidence of
 the rows is tempered. By what repeats differ no form is in doubt: how their gain and time scale
 differ beside an explanation counts whole. What drifts or softens with the trials' order shows
-there, and nothing else does. Of their rest angles, which a slip moves, `bench_noise.jumps` says it.
+there, and nothing else does. Of their rest angles, which a slip moves, `order.jumps` says it.
 
 With an explanation's parameters at their best, contrasts c of the repeats' own nuisances have the
 likelihood N(ĉ; c, Λ⁻¹) and scatter, c ~ N(B e, γ I), by a variance that only an ordinary bench is

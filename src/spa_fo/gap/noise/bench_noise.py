@@ -5,13 +5,10 @@ Said beside a diagnosis; what explains the gap is weighed without it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.special import expit, logsumexp, softmax
 
 from spa_fo.gap.data.evidence import Evidence, Foreseen, Repeats, angle_chain, repeats
 from spa_fo.gap.data.searched import at_rate
@@ -25,13 +22,12 @@ from spa_fo.gap.noise.coloured import (
     estimate,
     scatter,
 )
-from spa_fo.gap.prior import log_prior
+from spa_fo.gap.noise.dwell_error import dwell_error
+from spa_fo.gap.noise.order import GAIN, ZERO, of_order
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import USUAL_DEG
-from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.effects.library import absent
 from spa_fo.plant.memory import STEPS_S
-from spa_fo.rig import Calibration
-from spa_fo.rig.dwells import both_ways
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -44,12 +40,7 @@ TYPICAL = Scatter(
 """Scatter of trials before they are seen."""
 _FIXED_DEG = 0.03  # error of averaging a curve over a step
 _RATE_STEP = 2e-3
-_ZERO, _GAIN = 0, 1  # of what each contrast of repeats is fitted with
 _FEWEST_ROWS = 12  # averaged samples that trials must share
-_LEAST_TOLD = 1.0  # degree of freedom: a curve through every angle tells nothing
-_NO_FIXTURE_DEG = 0.005  # is as exact: readings that agree to the count say no more
-_FEWEST_ANGLES = 3  # that two ways through a calibration must share
-_SURE = 4.0  # second differences; what is missing of so many is an ordinary fixture's
 
 
 @dataclass(frozen=True)
@@ -66,11 +57,16 @@ class BenchNoise:
     gains: Floats | None = None  # (trials,): the same of their gains
     fixture_told: float = 0.0  # degrees of freedom that say the fixture's error
 
+    def expected(self, trial: Integers) -> tuple[Floats, Floats]:
+        """Give by how much gains and zeros (deg) of these trials go with the trials' order."""
+        if self.gains is None or self.zeros_deg is None:
+            return np.zeros(trial.size), np.zeros(trial.size)
+        return self.gains[trial], self.zeros_deg[trial]
+
     def moved_deg(self, trial: Integers, angle_deg: Floats) -> Floats:
         """Give how angles of these trials are expected to go with the trials' order, deg."""
-        if self.zeros_deg is None or self.gains is None:
-            return np.zeros(trial.size)
-        return self.zeros_deg[trial] + self.gains[trial] * angle_deg
+        gains, zeros_deg = self.expected(trial)
+        return zeros_deg + gains * angle_deg
 
     @property
     def is_ordinary(self) -> bool:
@@ -185,9 +181,9 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     spectrum = estimate(differences, evidence.noise_deg)
     nats, zeros_deg, gains = 0.0, None, None
     if beyond is None and differences:
-        nats, zeros_deg = _of_order(differences, spectrum, _ZERO)
+        nats, zeros_deg = of_order(differences, spectrum, ZERO)
         largest_deg = evidence.reach.angle * USUAL_DEG
-        gains = _of_order(differences, spectrum, _GAIN, largest_deg)[1] / largest_deg
+        gains = of_order(differences, spectrum, GAIN, largest_deg)[1] / largest_deg
     scattered = scatter(differences, spectrum, TYPICAL, zeros_deg, gains)
     fixture_deg, told = dwell_error(evidence.data.calibrations)
     if beyond is None:
@@ -221,184 +217,3 @@ def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Diff
     averages = Averages(grid.time_s[rows], width_s, repeated.weight[seen], fixed)
     which = np.eye(len(grid.trials))[repeated.trials]
     return contrasts(repeated.values[:, seen], averages, quicker[rows], which)
-
-
-def _of_order(
-    differences: Sequence[Differences], spectrum: Spectrum, which: int, unit: float = 1.0
-) -> tuple[float, Floats]:
-    """Weigh whether zeros, or gains in `unit` deg, go with the trials' order.
-
-    Returns nats that they jump or wander, and what is expected of all trials by that and a trend.
-    """
-    own = [d.own(spectrum) for d in differences]
-    seen = (
-        unit * np.concatenate([values[:, which] for values, _ in own]),
-        unit**2
-        * np.concatenate([np.full(len(values), variance[which]) for values, variance in own]),
-        np.vstack([d.between for d in differences]),
-    )
-    one = log_prior(tuple(LIBRARY)[:1]) - log_prior(())
-    (nats, jumped), (more, trended) = jumps(*seen), trends(*seen)
-    jump, trend = expit(nats + one), expit(more + one)
-    return nats, jump * jumped + (1.0 - jump) * trend * trended
-
-
-# Standard deviations that are tried, alike in weight: wide, assumed.
-_SCATTER_DEG = np.geomspace(0.02, 3.0, 12)
-_SHIFT_DEG = np.geomspace(0.1, 10.0, 7)
-_WALK_DEG = np.geomspace(0.05, 3.0, 6)
-_TREND = 3.0  # scatters that zeros may go with their order by
-_FEWEST = 3  # contrasts, which a jump and a scatter take two of
-
-
-def jumps(values: Floats, variance: Floats, between: Floats) -> tuple[float, Floats]:
-    """Weigh whether the zeros of trials jump or wander, beyond scatter and a trend.
-
-    Repeats of one experiment say it without any explanation: what an explanation misses of them, it
-    misses of all alike. Their zeros scatter independently, with a variance that is not known, and
-    may go with the order of the campaign as what creeps, softens or warms up does. A sensor that
-    slips moves all zeros that follow: once, twice, or a little before every trial,
-
-        ζ = σ ε + τ T b + { 0;  a H_j;  a H_j + a' H_k;  w Σ_j ε_j H_j },    H_j = [order ≥ j],
-
-    each by its marginal likelihood, integrated over the variances and summed over the places.
-
-    Parameters
-    ----------
-    values, variance : (n,) arrays
-        Orthonormal contrasts of the zeros, deg, and variance of their errors.
-    between : (n, trials) array
-        What they are contrasts of, in the order of the campaign.
-
-    Returns
-    -------
-    nats, zeros_deg : float, (trials,) array
-        Log evidence that zeros move, against scatter and a trend alone; what they are if so.
-    """
-    trials = between.shape[1]
-    if values.size < _FEWEST:
-        return 0.0, np.zeros(trials)
-    after = np.tri(trials)[:, 1:]
-    trend = between @ trend_shapes(trials)
-    every = np.arange(trials - 1)
-    pairs = np.column_stack(np.triu_indices(trials - 1, 1))
-    hypotheses = [(every[:, None], _SHIFT_DEG), (pairs, _SHIFT_DEG), (every[None, :], _WALK_DEG)]
-    still, moving, means = [], [], []
-    for sigma in _SCATTER_DEG:
-        covariance = (_TREND * sigma) ** 2 * (trend @ trend.T) + np.diag(sigma**2 + variance)
-        root = np.linalg.cholesky(covariance)
-        y = solve_triangular(root, values, lower=True)
-        steps = solve_triangular(root, between @ after, lower=True)
-        log = -0.5 * float(y @ y) - float(np.sum(np.log(np.diag(root))))
-        still.append(log)
-        for which, sizes in hypotheses:
-            gains, amounts = _weigh(y, steps, which, sizes)
-            moving.append(log + float(logsumexp(gains)) - np.log(gains.size))
-            means.append(after @ (softmax(gains) @ amounts))
-    nats = float(logsumexp(moving) - np.log(len(moving)) - logsumexp(still) + np.log(len(still)))
-    return nats, np.asarray(softmax(moving) @ np.array(means))
-
-
-def trend_shapes(trials: int) -> Floats:
-    """Two ways of going with the trials' order: evenly, and early, (trials, 2)."""
-    place = (np.arange(trials) + 0.5) / trials
-    return np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
-
-
-def trends(values: Floats, variance: Floats, between: Floats) -> tuple[float, Floats]:
-    """Weigh a trend with the trials' order, ζ = σ ε + τ T b, against scatter alone; see `jumps`.
-
-    Returns
-    -------
-    nats, trended : float, (trials,) array
-        Log evidence that there is a trend; what it is if so.
-    """
-    shapes = trend_shapes(between.shape[1])
-    if values.size < _FEWEST:
-        return 0.0, np.zeros(len(shapes))
-    still, going, means = [], [], []
-    for sigma in _SCATTER_DEG:
-        root = np.sqrt(sigma**2 + variance)
-        y, steps = values / root, (between @ shapes) / root[:, None]
-        log = -0.5 * float(y @ y) - float(np.sum(np.log(root)))
-        still.append(log)
-        gains, amounts = _weigh(y, steps, np.array([[0, 1]]), _SHIFT_DEG)
-        going.append(log + float(logsumexp(gains)) - np.log(gains.size))
-        means.append(shapes @ (softmax(gains) @ amounts))
-    nats = float(logsumexp(going) - logsumexp(still))
-    return nats, np.asarray(softmax(going) @ np.array(means))
-
-
-def _weigh(y: Floats, steps: Floats, which: Integers, sizes: Floats) -> tuple[Floats, Floats]:
-    """Weigh steps that come together, (m, k), of every size: nats, and what is expected of each."""
-    products = (steps.T @ steps)[which[:, :, None], which[:, None, :]]
-    shadows = (steps.T @ y)[which]
-    gains, amounts = [], []
-    for size in sizes:
-        precision = products + np.eye(which.shape[1]) / size**2
-        expected = np.linalg.solve(precision, shadows[..., None])[..., 0]
-        half_log = 0.5 * np.linalg.slogdet(size**2 * precision)[1]
-        gains.append(0.5 * np.sum(shadows * expected, axis=1) - half_log)
-        amounts.append(np.zeros((len(which), steps.shape[1])))
-        np.put_along_axis(amounts[-1], which, expected, axis=1)
-    return np.concatenate(gains), np.vstack(amounts)
-
-
-def dwell_error(calibrations: Sequence[Calibration]) -> tuple[float | None, float]:
-    """Estimate the error of a calibration dwell's known angle, deg; None where nothing says it.
-
-    Between the ways up and down a sensor differs smoothly over the angle: what second differences
-    over the angle hold is the fixture's error, of two dwells at each angle. Where the first
-    calibration goes one way, its angles scatter about its smooth curve by it. A later calibration
-    says nothing beside the first: what has become of the curve since need not be smooth.
-
-    Returns
-    -------
-    float or None, float
-        The error, and the degrees of freedom that say it.
-    """
-    squares, told = 0.0, 0.0
-    for calibration in calibrations:
-        up, down = (
-            {
-                d.angle_deg: float(calibrations[0].angle_deg(d.mean)) - d.angle_deg
-                for d in calibration.dwells
-                if d.direction == direction
-            }
-            for direction in ("up", "down")
-        )
-        own = _bent(up, down)
-        squares, told = squares + float(np.sum(own)), told + own.size
-    if not told and calibrations:
-        squares, told = _scattered_about(calibrations[0])
-    if told < _LEAST_TOLD:
-        return None, 0.0
-    usual = max(_SURE - told, 0.0)
-    variance = (squares + usual * SETTINGS.dwell_error_deg**2) / (told + usual)
-    return max(float(np.sqrt(variance)), _NO_FIXTURE_DEG), told
-
-
-def _bent(one: Mapping[float, float], other: Mapping[float, float]) -> Floats:
-    """Square of each second difference over the angle of what two ways differ by, deg².
-
-    Each is as large as the square of a single dwell's error, on average.
-    """
-    shared = sorted(one.keys() & other.keys())
-    if len(shared) < _FEWEST_ANGLES:
-        return np.zeros(0)
-    differences = np.array([one[angle] - other[angle] for angle in shared])
-    # Divided differences: the angles need not lie evenly.
-    before, after = np.diff(shared)[:-1], np.diff(shared)[1:]
-    share = before / (before + after)
-    bent = differences[1:-1] - (1.0 - share) * differences[:-2] - share * differences[2:]
-    return np.asarray(bent**2 / (2.0 * (1.0 + (1.0 - share) ** 2 + share**2)))
-
-
-def _scattered_about(calibration: Calibration) -> tuple[float, float]:
-    """Square by which known angles scatter about the smooth curve, deg²; its degrees of freedom."""
-    known = np.unique([dwell.angle_deg for dwell in calibration.dwells])
-    if calibration.of_known.shape != (known.size, known.size):
-        return 0.0, 0.0  # some read the same
-    counts = [both_ways(calibration.dwells, angle) for angle in known.tolist()]
-    left = np.eye(known.size)[np.argsort(counts)] - calibration.of_known  # counts may fall
-    return float(np.sum((left @ known) ** 2)), float(np.sum(left**2))
