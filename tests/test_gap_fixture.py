@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import naive_rig
-from spa_fo.gap.data.fixture import Fixture, fixture_of
+from spa_fo.gap.data.fixture import Fixture, fixture_of, wandering
 from spa_fo.plant.effects.library import absent
 from spa_fo.rig import Calibration, Dwell
 from spa_fo.rig.calibration import calibrate
@@ -95,8 +95,24 @@ def test_windows_err_by_the_coloured_noise_that_they_show(calibration: Calibrati
 def test_a_sensor_that_still_moves_is_no_noise(calibration: Calibration) -> None:
     def moving(dwell: Dwell) -> Dwell:
         way = {"up": 1.0, "down": -1.0}.get(dwell.direction, 0.0)
-        return replace(dwell, counts=dwell.counts - 5.0 * way * np.exp(-dwell.t_s / 4.0))
+        return replace(dwell, counts=dwell.counts - 40.0 * way * np.exp(-dwell.t_s / 4.0))
 
     still = laid_out(calibration)
     settling = laid_out(replace(calibration, dwells=tuple(map(moving, calibration.dwells))))
-    np.testing.assert_allclose(settling.sigma_deg[8:], still.sigma_deg[8:], rtol=0.3)
+    np.testing.assert_allclose(settling.sigma_deg[8:], still.sigma_deg[8:], rtol=0.02)
+
+
+def test_nor_is_one_that_moves_in_proportion_to_uneven_steps() -> None:
+    rng, dwells = np.random.default_rng(2), 13
+    moves = np.array(
+        [0.0, 5.0, 5.0, 10.0, 20.0, 20.0, 30.0, -30.0, -20.0, -20.0, -10.0, -5.0, -5.0]
+    )
+    ways, dwell = np.where(moves < 0.0, "down", "up"), np.repeat(np.arange(dwells), 2)
+    moving = 0.1 * np.where(np.arange(2 * dwells) % 2, 0.01, 0.0) * moves[dwell]
+    sigma = np.where(dwell == 0, 10.0, 0.06)
+    white = 0.06 * rng.normal(size=2 * dwells)
+    still, found = (
+        wandering(white + size * moving, sigma, dwell, ways, moves) for size in (0.0, 1e3)
+    )
+    assert found == pytest.approx(still, abs=1e-6)
+    assert still < 0.06

@@ -11,7 +11,8 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from spa_fo.gap.noise import order as room
-from spa_fo.gap.noise.order import jumps, trends
+from spa_fo.gap.noise.coloured import Averages, Differences, Scatter, Spectrum, contrasts, scatter
+from spa_fo.gap.noise.order import OF_GAIN, OF_ZERO, jumps, of_order, trends
 
 Floats = NDArray[np.float64]
 Zeros = tuple[Floats, Floats, Floats]
@@ -49,8 +50,8 @@ def plain_twin(zeros: Zeros, shifts: Floats, walks: Floats, scatters: Floats) ->
         return float(multivariate_normal(mean, own).logpdf(values))
 
     still, moving = [], []
-    for scatter in scatters:
-        base = scatter**2 * (np.eye(trials) + 9.0 * trend @ trend.T)
+    for size in scatters:
+        base = size**2 * (np.eye(trials) + 9.0 * trend @ trend.T)
         still.append(log(base))
         once = [base + s**2 * np.outer(h, h) for s in shifts for h in after]
         twice = [
@@ -124,8 +125,8 @@ def trend_twin(zeros: Zeros, sizes: Floats, scatters: Floats) -> float:
     place = (np.arange(trials) + 0.5) / trials
     shapes = contrasts @ np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
     still, going = [], []
-    for scatter in scatters:
-        own = np.diag(scatter**2 + variance)
+    for size in scatters:
+        own = np.diag(size**2 + variance)
         every = [0.0, *sizes]
         log, *logs = [
             multivariate_normal(np.zeros(len(own)), own + s**2 * shapes @ shapes.T).logpdf(values)
@@ -164,3 +165,46 @@ def test_a_trend_is_found_and_taken_off() -> None:
         left.append(np.std(found - truth) / np.std(truth))
     assert np.quantile(nats, 0.05) > 3.0
     assert np.quantile(left, 0.95) < 0.3
+
+
+def repeated(gains: Floats, zeros_deg: Floats, kinds: int) -> list[Differences]:
+    """Take experiments apart that were run in turn, each trial with its gain and its zero."""
+    time_s, trials = np.linspace(0.0, 12.0, 60), gains.size
+    rows = Averages(time_s, 0.2 * np.ones(60), 20.0 * np.ones(60), 1e-4 * np.ones(60))
+    found = []
+    for kind in range(kinds):
+        shape = (30.0 + 10.0 * kind) * np.exp(-(((time_s - 6.0) / 3.0) ** 2))
+        own = np.arange(kind, trials, kinds)
+        angles = (1.0 + gains[own])[:, None] * shape + zeros_deg[own][:, None]
+        found.append(contrasts(angles, rows, np.gradient(shape), np.eye(trials)[own]))
+    return found
+
+
+QUIET = Spectrum(1e-4, np.full(6, 1e-6))
+USUAL = Scatter(0.01, 0.1, 0.01)
+
+
+def test_gains_and_zeros_that_go_with_the_order_are_found_apart_and_are_no_scatter() -> None:
+    rng, trials = np.random.default_rng(7), 15
+    fallen = -0.1 * (np.arange(trials) >= 8) + 0.005 * rng.normal(size=trials)
+    risen = 2.0 * (np.arange(trials) >= 5) + 0.05 * rng.normal(size=trials)
+    for gains, zeros in ((fallen, 0.05 * rng.normal(size=trials)), (0.0 * fallen, risen)):
+        differences = repeated(gains, zeros, 5)
+        of_gain = of_order(differences, QUIET, OF_GAIN, 60.0)[1] / 60.0
+        of_zero = of_order(differences, QUIET, OF_ZERO)[1]
+        assert np.std(of_gain - gains) < 0.012
+        assert np.std(of_zero - zeros) < 0.12
+        apart = scatter(differences, QUIET, USUAL, of_zero, of_gain)
+        assert apart.gain < 0.012
+        assert apart.rest_deg < 0.15
+    # Of what goes with the order most would be scatter.
+    assert scatter(repeated(fallen, 0.0 * risen, 5), QUIET, USUAL).gain > 0.03
+
+
+def test_scatter_of_gains_stays_scatter() -> None:
+    rng = np.random.default_rng(8)
+    gains = 0.05 * rng.normal(size=15)
+    differences = repeated(gains, np.zeros(15), 5)
+    found = of_order(differences, QUIET, OF_GAIN, 60.0)[1] / 60.0
+    assert np.std(found) < 0.02
+    assert scatter(differences, QUIET, USUAL, None, found).gain == pytest.approx(0.045, rel=0.3)

@@ -9,7 +9,14 @@ import pytest
 
 import campaigns
 import naive_rig
-from spa_fo.gap.data.evidence import Evidence, Foreseen, angle_chain, collect, with_usual
+from spa_fo.gap.data.evidence import (
+    Evidence,
+    Foreseen,
+    _curve_sigma,
+    angle_chain,
+    collect,
+    with_usual,
+)
 from spa_fo.gap.data.fixture import fixture_of
 from spa_fo.gap.fit.bench import Bench, bench_for
 from spa_fo.gap.fit.problem import AngleProblem
@@ -76,22 +83,28 @@ def test_nothing_else_of_the_mechanics_shows_there(evidence: Evidence) -> None:
     assert variants(replace(bench, evidence=no_later), ("sensor_saturation",)) == (False,)
 
 
-def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(evidence: Evidence) -> None:
-    problem = AngleProblem(bench_of(evidence), ("sensor_lag",))
-    z = point(problem, time_constant_s=0.4, second_pole=0.2)
+@pytest.mark.parametrize("others", [(), ("sensor_hysteresis",)])
+def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(
+    evidence: Evidence, others: tuple[str, ...]
+) -> None:
+    problem = AngleProblem(bench_of(evidence), ("sensor_lag", *others))
+    loop = {"width_deg": 0.0, "turn_deg": 3.0, "exponent": 0.8}  # none
+    z = point(problem, time_constant_s=0.4, second_pole=0.2, **loop)
     n, rows = problem.rows.size, problem.further[0]
     column = problem.columns(z)[:, problem.arrived]
     _, fixture = problem.predict(z)
     assert np.abs(fixture).max() > 0.05
     np.testing.assert_allclose(column[n : n + rows, 0], fixture, atol=1e-12)
     assert not column[:n].any()
+    assert not problem.columns(z)[n:, problem.branch].any()
     factor = problem.whitening.factor(1.0, 0.0)
     white = problem.white(factor, problem.columns(z)[:, problem.moving])
     np.testing.assert_allclose(problem.moved(factor, z), white, atol=1e-9 * np.abs(white).max())
     b = np.zeros(problem.size)
     b[problem.arrived] = -0.5
     halved, whole = problem.slopes_beside(z, b), problem.slopes(z)
-    np.testing.assert_allclose(halved[n : n + rows, 5:], 0.5 * whole[n : n + rows, 5:], atol=1e-9)
+    lag = slice(5, 7)
+    np.testing.assert_allclose(halved[n : n + rows, lag], 0.5 * whole[n : n + rows, lag], atol=1e-9)
     assert AngleProblem(bench_of(evidence), ("creep",)).arrived.size == 0
     assert LIBRARY["sensor_lag"].in_fixture
 
@@ -99,7 +112,7 @@ def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(evidence: Evidence) -> No
 def test_a_trial_may_begin_on_either_branch_of_a_loop(evidence: Evidence) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
     z, n = point(problem, width_deg=4.0, turn_deg=3.0, exponent=1.0), problem.rows.size
-    columns = problem.columns(z)[:, problem.begun]
+    columns = problem.columns(z)[:, problem.branch]
     assert columns.shape[1] == problem.trials.size
     assert not columns[n:].any()
     for trial, column in zip(problem.trials, columns[:n].T, strict=True):
@@ -111,22 +124,62 @@ def test_a_trial_may_begin_on_either_branch_of_a_loop(evidence: Evidence) -> Non
     factor = problem.whitening.factor(1.0, 0.0)
     white = problem.white(factor, problem.columns(z)[:, problem.moving])
     np.testing.assert_allclose(problem.moved(factor, z), white, atol=1e-9 * np.abs(white).max())
-    assert AngleProblem(bench_of(evidence), ("hysteresis",)).begun.size == 0
+    assert AngleProblem(bench_of(evidence), ("hysteresis",)).branch.size == 0
 
 
 def test_a_loop_is_weighed_with_the_branches_that_trials_began_on(evidence: Evidence) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
     z, b = point(problem, width_deg=4.0, turn_deg=3.0, exponent=0.8), np.zeros(problem.size)
-    b[problem.begun] = [0.7, -1.5, 0.0, 0.3]
+    b[problem.branch] = [0.7, -1.5, 0.0, 0.3]
     step = 1e-4 * np.eye(z.size)[problem.free :]
 
     def predicted(at: np.ndarray) -> np.ndarray:
-        return problem.at_rows(at) + problem.columns(at)[:, problem.begun] @ b[problem.begun]
+        return problem.at_rows(at) + problem.columns(at)[:, problem.branch] @ b[problem.branch]
 
     numeric = np.array([(predicted(z + d) - predicted(z - d)) / 2e-4 for d in step]).T
     found = problem.slopes_beside(z, b)[:, problem.free :]
     np.testing.assert_allclose(found[: problem.rows.size], numeric[: problem.rows.size], atol=0.02)
     assert np.abs(numeric).max() > 0.5
+
+
+def test_what_goes_with_the_trials_order_has_columns_of_gain_and_rest(evidence: Evidence) -> None:
+    bench = bench_of(evidence)
+    trials = len(evidence.grid.trials)
+    gains, zeros = 0.1 * np.arange(trials), np.arange(trials)[::-1] - 1.5
+    bench = replace(bench, noise=replace(bench.noise, gains=gains, zeros_deg=zeros))
+    problem = AngleProblem(bench, (), trend=True)
+    z, n = problem.bench.centre, problem.rows.size
+    columns = problem.columns(z)
+    of_gain = columns[np.arange(n), problem.own[np.searchsorted(problem.trials, problem.trial), 0]]
+    late, early, at_rest, soon, fallen, moved = columns[:n, problem.trends].T
+    np.testing.assert_allclose(fallen, gains[problem.trial] * of_gain)
+    np.testing.assert_allclose(moved, zeros[problem.trial])
+    np.testing.assert_allclose(late, at_rest * of_gain)
+    np.testing.assert_allclose(early, soon * of_gain)
+    by_order = np.argsort(problem.trial, kind="stable")
+    assert (np.diff(at_rest[by_order]) >= 0.0).all()
+    assert (np.diff(soon[by_order]) <= 0.0).all()
+    assert np.ptp(at_rest) > 0.5
+    # Their sizes: three times the bench's scatter, and as large as repeats say.
+    scale = bench.scales
+    expected = np.square([*[3.0 * scale[0]] * 2, *[3.0 * scale[1]] * 2, 1.0, 1.0])
+    np.testing.assert_allclose(problem.variance[problem.trends], expected)
+
+
+def test_beside_a_hysteresis_the_calibrations_loop_is_no_error_of_its_curve() -> None:
+    angles = np.arange(0.0, 91.0, 5.0)
+    known = np.concatenate([angles, angles[::-1]])
+    t_s = np.arange(0.0, 5.0 * known.size, 0.1)
+    at = np.minimum((t_s / 5.0).astype(int), known.size - 1)
+
+    def sigma(loop_deg: float, loop: bool) -> np.ndarray:
+        way = np.where(np.arange(known.size) < angles.size, 0.5, -0.5)
+        counts = 10.0 * (known + way * loop_deg * np.sin(np.pi * known / 90.0))
+        return _curve_sigma(calibrate(t_s, known[at], 100.0 + counts[at], "c.log"), loop)
+
+    inside = slice(1, 5)  # knots from 15 to 60 deg or so
+    assert (sigma(4.0, True)[inside] > 0.5).all()
+    np.testing.assert_allclose(sigma(4.0, False), sigma(0.0, True), atol=0.03)
 
 
 def test_what_a_reference_says_is_foreseen_from_the_first_sample_on(evidence: Evidence) -> None:

@@ -49,7 +49,7 @@ class Evidence:
     pressure_noise_kpa: float  # the same of its pressure; NaN without
     variance: Floats  # (n,): of each averaged sample, deg²
     curve_sigma_deg: Floats  # (knots,): error of the calibrated curve at `CURVE_KNOTS_DEG`
-    curve_apart_deg: Floats  # (knots,): the same where an effect explains the calibration's loop
+    curve_apart_deg: Floats  # (knots,): the same where an effect is the calibration's loop
     fixture: Fixture | None  # dwells of all calibrations
     drift_deg: Floats  # (m,): what later ones read through the first curve, less what it read
     drift_sigma_deg: Floats  # (m,)

@@ -123,6 +123,7 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         return None
     rows: list[tuple[float, ...]] = []
     ways: list[str] = []
+    moves: list[float] = []  # into each dwell, deg
     paths: list[tuple[Floats, Integers]] = []
     start = dwells = 0
     for log, calibration in enumerate(calibrations):
@@ -135,10 +136,13 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         ends = np.cumsum(move + stay)
         corners = np.append(0, np.column_stack([ends - stay, ends]))
         held = np.interp(np.arange(ends[-1]) + 1, corners, [0.0, *np.repeat(known, 2)])
+        before = known[0]
         for dwell, at in zip(calibration.dwells, start + ends - stay, strict=True):
             windows = _windows(dwell, calibrations[0], int(at), dwell is calibration.dwells[0])
             rows += [(log, dwells, dwell.angle_deg, *window) for window in windows]
             ways.append(dwell.direction)
+            moves.append(dwell.angle_deg - before)
+            before = dwell.angle_deg
             dwells += 1
         # Until the trials begin the sensor lies flat; after them its past hardly matters.
         rest_s = _SHORTEST_REST_S
@@ -150,7 +154,9 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         paths.append((np.append(held, np.zeros(rest)), level))
         start += level.size
     log_of, dwell_of, known, deviation, sigma, begin, end, settled = np.array(rows).T
-    sigma = np.hypot(sigma, wandering(deviation, sigma, dwell_of, np.array(ways)))
+    which = dwell_of.astype(np.int64)
+    own = wandering(deviation, sigma, which, np.array(ways), np.array(moves))
+    sigma = np.hypot(sigma, own)
     same = (log_of == log_of[:, None]) & (known == known[:, None])
     still = same & (settled > 0.0)
     taken = np.where(still.any(axis=1, keepdims=True), still, same)
@@ -161,28 +167,33 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         curve=calibrations[0],
         known_deg=known,
         log=log_of.astype(np.int64),
-        dwell=dwell_of.astype(np.int64),
+        dwell=which,
         average=average,
         paths=tuple(paths),
         steps=np.column_stack([begin, end]).astype(np.int64),
     )
 
 
-def wandering(deviation: Floats, sigma: Floats, dwell: Floats, ways: NDArray[np.str_]) -> float:
+def wandering(
+    deviation: Floats, sigma: Floats, dwell: Integers, ways: NDArray[np.str_], moves_deg: Floats
+) -> float:
     """Estimate by how much windows differ beyond their white noise, 1 sigma: noise is coloured.
 
-    The last two windows of each dwell say it, (rows,) arrays, where a sensor has settled; by what
-    it still moves there, all dwells of one of the `ways`, (dwells,), differ alike.
+    The last two windows of each dwell say it, where a sensor has settled. By what it still moves
+    there all dwells of one of the `ways`, (dwells,), differ alike, or in proportion to the way into
+    them, `moves_deg`, (dwells,). Of the rows, (rows,), those of a first dwell say nothing.
     """
-    last = np.flatnonzero(np.diff(dwell, append=np.inf))
+    last = np.flatnonzero(np.diff(dwell, append=-1))
     last = last[(last > 0) & (sigma[last] < _UNKNOWN_DEG)]
     last = last[dwell[last - 1] == dwell[last]]
-    difference, way = deviation[last] - deviation[last - 1], ways[dwell[last].astype(np.int64)]
+    of, difference = dwell[last], deviation[last] - deviation[last - 1]
     square, freedom = 0.0, 0
-    for one in np.unique(way):
-        own = difference[way == one]
-        square += float(np.sum((own - own.mean()) ** 2))
-        freedom += own.size - 1
+    for one in np.unique(ways[of]):
+        here = ways[of] == one
+        moving = np.column_stack([np.ones(here.sum()), moves_deg[of[here]]])
+        expected, _, rank, _ = np.linalg.lstsq(moving, difference[here], rcond=1e-6)
+        square += float(np.sum((difference[here] - moving @ expected) ** 2))
+        freedom += int(here.sum() - rank)
     if freedom < 1:
         return 0.0
     white = float(np.mean(sigma[last] ** 2))

@@ -20,7 +20,7 @@ from spa_fo.plant.memory import STEPS_S
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-GAIN, REST, TIME_SCALE, DWELL, SLIP, LINE, BEGUN = range(7)
+GAIN, REST, TIME_SCALE, DWELL, SLIP, LINE, BRANCH = range(7)
 """Groups of nuisances, each of one variance."""
 LEVELS = tuple(float(2.0 ** (k / 2.0)) for k in range(-3, 6))
 """Levels of the coloured noise that are tried, against what repeats say."""
@@ -31,7 +31,7 @@ _MOST_ROWS = 1000  # a factor of their covariance costs the third power of an ex
 _ABOUT = 7  # rows that say how large a gap is at one of them
 _LOCAL = 0.5  # of a gap's size at a row, the rest is the campaign's mean
 _SLIP_DEG = 0.4
-_BEGUN = 0.2  # of half the range of states in which a trial may begin. Assumed.
+_BRANCH = 0.2  # of half a loop, by which trials begin on other branches. Assumed.
 _A_STEP = 0.1  # quantile of the distances of neighbouring values: some counts are never read
 _MOST_LEVEL = 2.0  # against what a reference says, or repeats: what is beyond is no noise
 
@@ -142,7 +142,7 @@ def bench_for(
         centre, coefficients = identified(given, noise, horizon, max(lasted), angle, error_deg)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg
-    scales = [scatter.gain, scatter.rest_deg, scatter.time_scale, dwell, _SLIP_DEG, 0.5, _BEGUN]
+    scales = [scatter.gain, scatter.rest_deg, scatter.time_scale, dwell, _SLIP_DEG, 0.5, _BRANCH]
     return Bench(
         evidence=evidence,
         noise=noise,

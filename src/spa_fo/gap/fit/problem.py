@@ -1,7 +1,8 @@
 """The angles of a campaign and one explanation of them, as a least-squares problem.
 
 The simulation holds the explanation's effects; the nuisances are the sensor curve's error, the
-calibration dwells', the log's lateness, and every trial's own gain, rest angle and time scale.
+calibration dwells', the log's lateness, and every trial's own gain, rest angle and time scale, and
+the branch of a loop that it began on.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from scipy.stats import chi2
 
 from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
-from spa_fo.gap.fit.bench import BEGUN, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
+from spa_fo.gap.fit.bench import BRANCH, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.mixed import WEAK
 from spa_fo.gap.noise.order import trend_shapes
@@ -31,7 +32,7 @@ from spa_fo.plant.stages import felt_angle
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_BEGUN_STEP = 1e-3  # of a searched parameter, for the slope of what a beginning makes of it
+_BRANCH_STEP = 1e-3  # of a searched parameter, for the slope of what a branch makes of it
 _KINK_DEG = 1.0  # over which the slope of a curve with kinks is taken
 _ARRIVED = 0.5  # of what filters leave to a dwell: nobody logs how the fixture came to stand
 _OF_TRIALS = [GAIN, REST, TIME_SCALE]
@@ -81,13 +82,12 @@ class AngleProblem(Explained):
         ordinary = [SETTINGS.scatter, SETTINGS.rest_scatter_deg, SETTINGS.scatter]
         usual = np.maximum(bench.scales[_OF_TRIALS], ordinary)
         self.most[_OF_TRIALS] = most(bench.noise.spectrum.repeats) * usual
-        self.most[BEGUN] = 2.0  # a film may begin on the other branch
+        self.most[BRANCH] = 2.0  # from one branch of a loop to the other
         self.most[DWELL] = SETTINGS.most_scatter * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
         self._unseen = LIBRARY.slots(lambda e: e.in_trials_alone)
         self._later = LIBRARY.slots(lambda e: e.in_later)
         self._passing = LIBRARY.slots(lambda e: e.in_fixture and e.filter in PASSING)
-        self._looping = LIBRARY.slots(lambda e: e.in_fixture and e.filter not in PASSING)
         self._moving = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
         self.whitening, fixture, none = bench.whitening, self.evidence.fixture, np.zeros(0)
         further = [  # measured, and its error
@@ -102,9 +102,9 @@ class AngleProblem(Explained):
         self.measured = np.concatenate([angle, *(values for values, _ in further)])
         self.trial = np.concatenate([g.trial for g in self.rows.groups])
         acting = [LIBRARY[name] for name in self.ids]
-        self._branched = [(e.slots, e.begun) for e in acting if e.begun is not None]
-        begin = LIBRARY.slots(lambda e: e.begun is not None)
-        self._branching = self.free + np.flatnonzero([s.place in begin for s in self.slots])
+        self._loops = [(e.slots, e.half_loop) for e in acting if e.half_loop is not None]
+        looping = LIBRARY.slots(lambda e: e.half_loop is not None)
+        self._looping = self.free + np.flatnonzero([s.place in looping for s in self.slots])
         self._lay()
 
     # --- the nuisances' columns ------------------------------------------------------------------
@@ -120,7 +120,7 @@ class AngleProblem(Explained):
             1,
             0 if fixture is None else int(fixture.dwell.max()) + 1,
             1 if fixture is not None and passing else 0,
-            len(self._branched) * self.trials.size,
+            len(self._loops) * self.trials.size,
             1 if slips else 0,
             len(evidence.grid.trials) if slips else 0,
             3 * self.trials.size,
@@ -129,19 +129,18 @@ class AngleProblem(Explained):
         ]
         self.size = sum(sizes)
         parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
-        self.curve, self.late, self.dwells, self.arrived, self.begun, self.walk, *parts = parts
+        self.curve, self.late, self.dwells, self.arrived, self.branch, self.walk, *parts = parts
         self.steps, own, waves, self.trends = parts
         self.own, self.waves = own.reshape(-1, 3), waves.reshape(-1, 2)
         self.read = np.append(self.curve, self.dwells)
-        self.moving = np.concatenate([self.read, self.arrived, self.begun])
+        self.moving = np.concatenate([self.read, self.arrived, self.branch])
         self.group, self.variance = np.full(self.size, -1), np.ones(self.size)
         self.group[self.own] = [GAIN, REST, TIME_SCALE]
         self.group[self.dwells] = DWELL
-        self.group[self.begun] = BEGUN
+        self.group[self.branch] = BRANCH
         self.group[self.steps] = SLIP
         self.group[self.waves] = LINE
-        looped = any(LIBRARY[n].first in self._looping for n in self.ids)
-        known = evidence.curve_apart_deg if looped else evidence.curve_sigma_deg
+        known = evidence.curve_apart_deg if self._loops else evidence.curve_sigma_deg
         self.variance[self.curve] = known**2
         if curve:
             spread = [q.at(evidence.reach).spread for q in LIBRARY[curve].parameters]
@@ -164,7 +163,7 @@ class AngleProblem(Explained):
         out = self._still.copy()
         out[:n, self.read] = self._of_reading(rows.merged(y)) @ self._made_of
         out[n:, self.moving] = self._of_moving(z)
-        out[:n, self.begun] = self._of_beginning(z)
+        out[:n, self.branch] = self._of_branch(z)
         every, trial = np.arange(n), self.trial
         out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
         own = self.own[np.searchsorted(self.trials, trial)].T
@@ -208,46 +207,49 @@ class AngleProblem(Explained):
         if self.arrived.size:
             settled, fixture = self.effects(z), self.predict(z)[1]
             settled[self._passing] = np.nan
-            out[: fixture.size, -1] = fixture - self.in_fixture(settled)[0]
+            out[: fixture.size, self.read.size] = fixture - self.in_fixture(settled)[0]
         return out
 
     def moved(self, factor: Factor, z: Floats) -> Floats:
-        """Whiten what goes with the point: a wrong curve, wrong known angles, how dwells began."""
+        """Whiten what goes with the point: errors of the curve and of known angles, beginnings."""
         read = self._of_reading(self.rows.merged(self.predict(z)[0]))
         # A known angle's dwells have one column between them.
         own = self.whitening.white(factor, read) @ self._made_of
         none = np.zeros((own.shape[0], self.arrived.size))
-        begun = self.whitening.white(factor, self._of_beginning(z))
+        branch = self.whitening.white(factor, self._of_branch(z))
         rest = self._of_moving(z) / self.sigma[:, None]
-        return np.concatenate([np.hstack([own, none, begun]), rest])
+        return np.concatenate([np.hstack([own, none, branch]), rest])
 
     def slopes_beside(self, z: Floats, b: Floats) -> Floats:
-        """Slopes of the prediction and of what a wrong curve and wrong known angles make of it."""
+        """Slopes of the prediction and of what the nuisances that go with the point make of it."""
         y, slopes, n = self.rows.merged(self.predict(z)[0]), self.slopes(z).copy(), self.rows.size
         known = self._made_of @ b[self.read]
         ends = [self._of_reading(y + side * _KINK_DEG) @ known for side in (0.5, -0.5)]
         slopes[:n] *= 1.0 + (ends[0] - ends[1])[:, None] / _KINK_DEG
-        for here in self._branching:
-            step = _BEGUN_STEP * np.eye(z.size)[here]
-            begun = self._of_beginning(z + step) - self._of_beginning(z)
-            slopes[:n, here] += begun @ b[self.begun] / _BEGUN_STEP
+        for here in self._looping:
+            step = _BRANCH_STEP * np.eye(z.size)[here]
+            change = self._of_branch(z + step) - self._of_branch(z)
+            slopes[:n, here] += change @ b[self.branch] / _BRANCH_STEP
         if self.arrived.size:
             places = [slot.place in self._passing for slot in self.slots]
             lagging = self.free + np.flatnonzero(places)
             slopes[n : n + self.further[0], lagging] *= 1.0 + b[self.arrived]
         return slopes
 
-    def _of_beginning(self, z: Floats) -> Floats:
-        """Give what the states in which trials may have begun make of readings, (rows, begun)."""
+    def _of_branch(self, z: Floats) -> Floats:
+        """Give what the branch that each trial began on makes of readings, (rows, branch).
+
+        It is that of the loop alone: what filters it behind the loop leaves a little less of it.
+        """
         grid, k = self.evidence.grid, np.searchsorted(self.trials, self.trial)
-        out = np.zeros((self.rows.size, len(self._branched), self.trials.size))
-        for (slots, begun), here in zip(self._branched, np.moveaxis(out, 1, 0), strict=True):
+        out = np.zeros((self.rows.size, len(self._loops), self.trials.size))
+        for (slots, half_loop), here in zip(self._loops, np.moveaxis(out, 1, 0), strict=True):
             angle, own = self._angle(z), self.effects(z)[slots]
             reading = np.zeros(angle.size)
             for trial in self.trials:
                 first = grid.step_starts[trial]
                 steps = slice(first, first + grid.trial_steps[trial])
-                reading[steps] = begun(angle[steps], *own)
+                reading[steps] = half_loop(angle[steps].copy(), *own)
             here[np.arange(k.size), k] = self.rows.merged(reading[grid.sample_step])
         return out.reshape(self.rows.size, -1)
 

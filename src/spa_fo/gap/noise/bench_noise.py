@@ -1,6 +1,6 @@
 """What the bench adds to a campaign: noise in trials, scatter between them, the fixture's error.
 
-Said beside a diagnosis; what explains the gap is weighed without it.
+Said beside a diagnosis, and known before anything is fitted.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from spa_fo.gap.noise.coloured import (
     scatter,
 )
 from spa_fo.gap.noise.dwell_error import dwell_error
-from spa_fo.gap.noise.order import GAIN, ZERO, of_order
+from spa_fo.gap.noise.order import OF_GAIN, OF_ZERO, of_order
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import USUAL_DEG
 from spa_fo.plant.effects.library import absent
@@ -72,7 +72,12 @@ class BenchNoise:
     def is_ordinary(self) -> bool:
         """Whether gain and time scale scatter by no more than those of benches do."""
         most = SETTINGS.most_scatter * SETTINGS.scatter
-        return max(self.scatter.gain, self.scatter.time_scale) <= most
+        gain = (
+            self.scatter.gain
+            if self.gains is None
+            else np.hypot(self.scatter.gain, self.gains.std())
+        )
+        return bool(max(gain, self.scatter.time_scale) <= most)
 
     def floor_deg(self, angle_deg: Floats) -> float:
         """Give what trials of these angles would differ by from their mean, RMS, deg."""
@@ -95,6 +100,9 @@ class BenchNoise:
             f"about {correlation_s:.1g} s; from trial to trial {100.0 * own.gain:.2g} % "
             f"in gain, {own.rest_deg:.2g}° at rest, {100.0 * own.time_scale:.2g} % in time scale."
         )
+        apart = 0.0 if self.gains is None else float(np.ptp(self.gains))
+        if apart > own.gain:
+            text += f" Beside that gain goes with their order, by {100.0 * apart:.2g} % in all."
         if not self.is_ordinary:
             text += " Trials of no ordinary bench differ by so much: something varies between them."
         if self.fixture_deg is not None:
@@ -181,9 +189,9 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     spectrum = estimate(differences, evidence.noise_deg)
     nats, zeros_deg, gains = 0.0, None, None
     if beyond is None and differences:
-        nats, zeros_deg = of_order(differences, spectrum, ZERO)
+        nats, zeros_deg = of_order(differences, spectrum, OF_ZERO)
         largest_deg = evidence.reach.angle * USUAL_DEG
-        gains = of_order(differences, spectrum, GAIN, largest_deg)[1] / largest_deg
+        gains = of_order(differences, spectrum, OF_GAIN, largest_deg)[1] / largest_deg
     scattered = scatter(differences, spectrum, TYPICAL, zeros_deg, gains)
     fixture_deg, told = dwell_error(evidence.data.calibrations)
     if beyond is None:

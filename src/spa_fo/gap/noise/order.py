@@ -16,7 +16,7 @@ from spa_fo.plant.effects.library import LIBRARY
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-ZERO, GAIN = 0, 1
+OF_ZERO, OF_GAIN = 0, 1
 """Which number each contrast of repeats is fitted with; see `Differences.own`."""
 # Standard deviations that are tried, alike in weight: wide, assumed.
 _SCATTER_DEG = np.geomspace(0.02, 3.0, 12)

@@ -165,9 +165,9 @@ class Effect:
     act : callable, optional
         What it does to the series at its stage, where no kernel of the chain knows it
         (`spa_fo.plant.effects.own`).
-    begun : callable, optional
-        What half the range of states in which a trial may begin makes of the angle or the reading
-        after it, (n,), over the angles that follow, (n,), and the parameters.
+    half_loop : callable, optional
+        Of a loop of the reading whose branch nobody knows when a trial begins: half of what the two
+        branches differ by, (n,), over the angles that follow, (n,), and the parameters.
     sees_angle : bool
         Whether `act` on an actuator is given the angle too: then the load that fits the angle is
         searched, which takes several simulations for one.
@@ -197,7 +197,7 @@ class Effect:
     neutral: Mapping[str, float] = field(default_factory=dict)
     coefficients: Mapping[str, str] = field(default_factory=dict)
     act: Callable[..., Any] | None = None
-    begun: Callable[..., Any] | None = None
+    half_loop: Callable[..., Any] | None = None
     sees_angle: bool = True
     odds: float = 1.0
     source: Path | str = "library"

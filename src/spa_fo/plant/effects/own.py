@@ -152,6 +152,11 @@ def checked(effect: object, source: Path | str) -> Effect:
         f"expected a function of ({', '.join(wanted)})",
     )
     refuse_unless(
+        effect.half_loop is None or _takes(effect.half_loop, 1 + len(names)),
+        "half_loop",
+        f"expected a function of (angle_deg, {', '.join(names)})",
+    )
+    refuse_unless(
         isinstance(effect.odds, int | float) and 0.0 < effect.odds < math.inf,
         "odds",
         f"is {effect.odds!r}; expected a positive number",

@@ -37,7 +37,7 @@ def lag_behind(y: Floats, width: float, turn: float, exponent: float, film: Floa
     film[0], film[1] = state, before
 
 
-def begun(angle_deg: Floats, width: float, turn: float, exponent: float) -> Floats:
+def half_loop(angle_deg: Floats, width: float, turn: float, exponent: float) -> Floats:
     """Give half of what the two branches differ by that a film may begin on."""
     branches = []
     for state in (1.0, -1.0):
@@ -80,7 +80,7 @@ EFFECT = Effect(
     means="the reading depends on the direction of bending",
     remedy="calibrate up and down, and read angles after approaching them from below",
     in_fixture=True,
-    begun=begun,
+    half_loop=half_loop,
     shown_in=("release", "levels"),
     equivalents={
         "hysteresis": Check(

@@ -88,7 +88,8 @@ def droop(
     """Miss `fraction` of each rise in demand, recovering by two exponentials.
 
     A pump fills a reservoir at a steady pace, a regulator from a larger one by what is missing: of
-    the quick part `steady` comes back so, at the pace by which a rise to 30 kPa does at first.
+    the quick part `steady` comes back so, at the pace at which all that a rise to 30 kPa misses
+    would come back at first.
     A supply that has sagged gives less by so much, or, behind a throttle, by its share of what is
     drawn: then hardly anything of a small pressure is missing, and the supply goes on recovering.
     """
