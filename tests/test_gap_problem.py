@@ -19,7 +19,7 @@ from spa_fo.gap.data.evidence import (
 )
 from spa_fo.gap.data.fixture import fixture_of
 from spa_fo.gap.fit.bench import Bench, bench_for
-from spa_fo.gap.fit.problem import AngleProblem
+from spa_fo.gap.fit.problem import AngleProblem, what_came_before
 from spa_fo.gap.search.fitted import variants
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.rig import read_campaign, read_trials
@@ -113,24 +113,34 @@ def test_a_trial_may_begin_on_either_branch_of_a_loop(evidence: Evidence) -> Non
     problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
     z, n = point(problem, width_deg=4.0, turn_deg=3.0, exponent=1.0), problem.rows.size
     columns = problem.columns(z)[:, problem.branch]
-    assert columns.shape[1] == problem.trials.size
     assert not columns[n:].any()
-    for trial, column in zip(problem.trials, columns[:n].T, strict=True):
-        assert not column[problem.trial != trial].any()
-        own = column[problem.trial == trial]
-        # Half of the loop's width, until the actuator bends.
-        assert own[0] == pytest.approx(-2.0, abs=0.02)
-        assert abs(own[-1]) < 0.01
+    # One of the first trial, one of those that were come to alike.
+    assert problem.after.tolist() == [0, 1, 1, 1]
+    for after, column in enumerate(columns[:n].T):
+        for trial, kind in zip(problem.trials, problem.after, strict=True):
+            own = column[problem.trial == trial]
+            if kind != after:
+                assert not own.any()
+                continue
+            # Half of the loop's width, until the actuator bends.
+            assert own[0] == pytest.approx(-2.0, abs=0.02)
+            assert abs(own[-1]) < 0.01
     factor = problem.whitening.factor(1.0, 0.0)
     white = problem.white(factor, problem.columns(z)[:, problem.moving])
     np.testing.assert_allclose(problem.moved(factor, z), white, atol=1e-9 * np.abs(white).max())
     assert AngleProblem(bench_of(evidence), ("hysteresis",)).branch.size == 0
 
 
+def test_a_log_that_ends_under_pressure_does_not_show_how_it_was_vented() -> None:
+    trials = [[0.0, 30.0, 0.0], [0.0, 30.0, 30.0], [0.0, 30.0, 1.0], [0.0, 20.0, 0.0]]
+    starts = np.array([0, 3, 6, 9, 12])
+    assert what_came_before(np.concatenate(trials), starts).tolist() == [0, 1, 2, 1]
+
+
 def test_a_loop_is_weighed_with_the_branches_that_trials_began_on(evidence: Evidence) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
     z, b = point(problem, width_deg=4.0, turn_deg=3.0, exponent=0.8), np.zeros(problem.size)
-    b[problem.branch] = [0.7, -1.5, 0.0, 0.3]
+    b[problem.branch] = [0.7, -1.5]
     step = 1e-4 * np.eye(z.size)[problem.free :]
 
     def predicted(at: np.ndarray) -> np.ndarray:

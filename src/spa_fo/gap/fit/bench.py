@@ -31,7 +31,7 @@ _MOST_ROWS = 1000  # a factor of their covariance costs the third power of an ex
 _ABOUT = 7  # rows that say how large a gap is at one of them
 _LOCAL = 0.5  # of a gap's size at a row, the rest is the campaign's mean
 _SLIP_DEG = 0.4
-_BRANCH = 0.2  # of half a loop, by which trials begin on other branches. Assumed.
+_BRANCH = 0.5  # of half a loop, by which trials begin on other branches. Assumed.
 _A_STEP = 0.1  # quantile of the distances of neighbouring values: some counts are never read
 _MOST_LEVEL = 2.0  # against what a reference says, or repeats: what is beyond is no noise
 

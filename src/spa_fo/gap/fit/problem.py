@@ -32,6 +32,7 @@ from spa_fo.plant.stages import felt_angle
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_AT_REST = 0.05  # of the largest input: a log that ends there shows how it was vented. Assumed.
 _BRANCH_STEP = 1e-3  # of a searched parameter, for the slope of what a branch makes of it
 _KINK_DEG = 1.0  # over which the slope of a curve with kinks is taken
 _ARRIVED = 0.5  # of what filters leave to a dwell: nobody logs how the fixture came to stand
@@ -113,6 +114,8 @@ class AngleProblem(Explained):
         """Give each kind of nuisance its columns, and these their variances or groups."""
         evidence, bench, fixture = self.evidence, self.bench, self.evidence.fixture
         self.trials = np.unique(self.trial)
+        after = what_came_before(self.chain.input_kpa, evidence.grid.cell_starts)[self.trials]
+        self.after = np.unique(after, return_inverse=True)[1]
         slips, curve = at_port("zeros", self.ids), at_port("curve", self.ids)
         passing = any(LIBRARY[n].first in self._passing for n in self.ids)
         sizes = [
@@ -120,7 +123,7 @@ class AngleProblem(Explained):
             1,
             0 if fixture is None else int(fixture.dwell.max()) + 1,
             1 if fixture is not None and passing else 0,
-            len(self._loops) * self.trials.size,
+            len(self._loops) * (int(self.after.max()) + 1),
             1 if slips else 0,
             len(evidence.grid.trials) if slips else 0,
             3 * self.trials.size,
@@ -237,12 +240,13 @@ class AngleProblem(Explained):
         return slopes
 
     def _of_branch(self, z: Floats) -> Floats:
-        """Give what the branch that each trial began on makes of readings, (rows, branch).
+        """Give what the branches that trials began on make of readings, (rows, branch).
 
-        It is that of the loop alone: what filters it behind the loop leaves a little less of it.
+        They are one for all trials that were come to alike. They are those of the loop alone: what
+        filters it behind the loop leaves a little less of them.
         """
         grid, k = self.evidence.grid, np.searchsorted(self.trials, self.trial)
-        out = np.zeros((self.rows.size, len(self._loops), self.trials.size))
+        out = np.zeros((self.rows.size, len(self._loops), int(self.after.max()) + 1))
         for (slots, half_loop), here in zip(self._loops, np.moveaxis(out, 1, 0), strict=True):
             angle, own = self._angle(z), self.effects(z)[slots]
             reading = np.zeros(angle.size)
@@ -250,7 +254,7 @@ class AngleProblem(Explained):
                 first = grid.step_starts[trial]
                 steps = slice(first, first + grid.trial_steps[trial])
                 reading[steps] = half_loop(angle[steps].copy(), *own)
-            here[np.arange(k.size), k] = self.rows.merged(reading[grid.sample_step])
+            here[np.arange(k.size), self.after[k]] = self.rows.merged(reading[grid.sample_step])
         return out.reshape(self.rows.size, -1)
 
     def _of_reading(self, angle_deg: Floats) -> Floats:
@@ -325,6 +329,16 @@ class AngleProblem(Explained):
             for part, size in zip_longest((fixture, drift), self.further)
         ]
         return np.concatenate([angle, *parts])
+
+
+def what_came_before(input_kpa: Floats, starts: Integers) -> Integers:
+    """Say what came before each trial: 0 nothing, 1 a log that ends at rest, 2 one that does not.
+
+    `starts`, (trials + 1,), are where the trials' cells of the input begin.
+    """
+    ends = np.abs(input_kpa[starts[1:-1] - 1])
+    at_rest = ends <= _AT_REST * np.abs(input_kpa).max(initial=0.0)
+    return np.append(0, np.where(at_rest, 1, 2))
 
 
 @cache
