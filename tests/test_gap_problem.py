@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from spa_fo.gap.data.evidence import (
     Evidence,
     Foreseen,
     _curve_sigma,
+    _drifts,
     angle_chain,
     collect,
     with_usual,
@@ -22,8 +24,8 @@ from spa_fo.gap.fit.bench import Bench, bench_for
 from spa_fo.gap.fit.problem import AngleProblem, what_came_before
 from spa_fo.gap.search.fitted import variants
 from spa_fo.plant.effects.library import LIBRARY, absent
-from spa_fo.rig import read_campaign, read_trials
-from spa_fo.rig.calibration import calibrate
+from spa_fo.rig import Calibration, read_campaign, read_trials
+from spa_fo.rig.calibration import calibrate, drift
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log
 
 GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
@@ -176,20 +178,35 @@ def test_what_goes_with_the_trials_order_has_columns_of_gain_and_rest(evidence: 
     np.testing.assert_allclose(problem.variance[problem.trends], expected)
 
 
-def test_beside_a_hysteresis_the_calibrations_loop_is_no_error_of_its_curve() -> None:
+def looped(loop_deg: float, ways: int = 2) -> Calibration:
+    """A calibration over 19 angles whose sensor has a loop."""
     angles = np.arange(0.0, 91.0, 5.0)
-    known = np.concatenate([angles, angles[::-1]])
+    known = np.concatenate([angles, angles[::-1]][:ways])
     t_s = np.arange(0.0, 5.0 * known.size, 0.1)
     at = np.minimum((t_s / 5.0).astype(int), known.size - 1)
+    way = np.where(np.arange(known.size) < angles.size, 0.5, -0.5)
+    counts = 10.0 * (known + way * loop_deg * np.sin(np.pi * known / 90.0))
+    return calibrate(t_s, known[at], 100.0 + counts[at], "c.log")
 
-    def sigma(loop_deg: float, loop: bool) -> np.ndarray:
-        way = np.where(np.arange(known.size) < angles.size, 0.5, -0.5)
-        counts = 10.0 * (known + way * loop_deg * np.sin(np.pi * known / 90.0))
-        return _curve_sigma(calibrate(t_s, known[at], 100.0 + counts[at], "c.log"), loop)
 
-    inside = slice(1, 5)  # knots from 15 to 60 deg or so
-    assert (sigma(4.0, True)[inside] > 0.5).all()
-    np.testing.assert_allclose(sigma(4.0, False), sigma(0.0, True), atol=0.03)
+def test_beside_a_hysteresis_the_calibrations_loop_is_no_error_of_its_curve() -> None:
+    inside = slice(1, 5)  # knots from 12 to 48 deg
+    assert (_curve_sigma(looped(4.0), loop=True)[inside] > 0.5).all()
+    apart, none = _curve_sigma(looped(4.0), loop=False), _curve_sigma(looped(0.0), loop=True)
+    np.testing.assert_allclose(apart, none, atol=0.03)
+
+
+def test_a_drift_between_calibrations_alike_does_not_err_by_their_loop() -> None:
+    first = looped(4.0)
+
+    def sigma(later: Calibration) -> np.ndarray:
+        data = SimpleNamespace(
+            calibration=first, calibrations=[first, later], drifts=[drift(first, later)]
+        )
+        return _drifts(data, SimpleNamespace(trials=[]))[1]  # type: ignore[arg-type]
+
+    assert (sigma(looped(4.0)) < 0.15).all()
+    assert (sigma(looped(4.0, ways=1))[4:-4] > 1.0).all()
 
 
 def test_what_a_reference_says_is_foreseen_from_the_first_sample_on(evidence: Evidence) -> None:

@@ -168,11 +168,7 @@ def _curve_sigma(calibration: Calibration | None, loop: bool = True) -> Floats:
     knots = np.delete(np.array(CURVE_KNOTS_DEG), _ZERO_KNOT)
     if calibration is None:
         return np.full(knots.size, _CURVE_FLOOR_DEG)
-    sigma = _sigma_at(calibration, knots)
-    if not loop and calibration.hysteresis_deg:
-        known = sorted(calibration.hysteresis_deg)
-        half = [0.5 * calibration.hysteresis_deg[angle] for angle in known]
-        sigma = np.sqrt(np.maximum(sigma**2 - np.interp(knots, known, np.abs(half)) ** 2, 0.0))
+    sigma = _sigma_at(calibration, knots, loop)
     low, high = calibration.range_deg
     # The curve is a line beyond its ends, and real sensors are not.
     sigma = np.where(knots < low, 0.3 * (low - knots), sigma)
@@ -180,9 +176,16 @@ def _curve_sigma(calibration: Calibration | None, loop: bool = True) -> Floats:
     return np.asarray(np.hypot(sigma, _CURVE_FLOOR_DEG))
 
 
-def _sigma_at(calibration: Calibration, angle_deg: Floats) -> Floats:
+def _sigma_at(calibration: Calibration, angle_deg: Floats, loop: bool) -> Floats:
+    """Error of the curve at some angles, half the loop between its ways in it or not."""
     rising = np.argsort(calibration.angles_deg)  # counts may fall with the angle
-    return np.interp(angle_deg, calibration.angles_deg[rising], calibration.sigma_knots_deg[rising])
+    knots = calibration.angles_deg[rising], calibration.sigma_knots_deg[rising]
+    sigma = np.interp(angle_deg, *knots)
+    if loop or not calibration.hysteresis_deg:
+        return sigma
+    known = sorted(calibration.hysteresis_deg)
+    half = [0.5 * abs(calibration.hysteresis_deg[angle]) for angle in known]
+    return np.asarray(np.sqrt(np.maximum(sigma**2 - np.interp(angle_deg, known, half) ** 2, 0.0)))
 
 
 def _drifts(data: CampaignData, grid: CampaignGrid) -> tuple[Floats, Floats, Floats, Integers]:
@@ -193,7 +196,21 @@ def _drifts(data: CampaignData, grid: CampaignGrid) -> tuple[Floats, Floats, Flo
     angle = np.concatenate([item.angles_deg for item in data.drifts])
     before = [sum(t.started_s < item.started_s for t in grid.trials) for item in data.drifts]
     after = np.repeat(before, [item.drift_deg.size for item in data.drifts])
-    return drift, np.hypot(_sigma_at(data.calibration, angle), 0.1), angle, after
+    # What goes both ways again has the loop's middle again.
+    alike = [_goes_alike(data.calibration, later) for later in data.calibrations[1:]]
+    sigma = np.concatenate(
+        [
+            _sigma_at(data.calibration, item.angles_deg, not same)
+            for item, same in zip(data.drifts, alike, strict=True)
+        ]
+    )
+    return drift, np.hypot(sigma, 0.1), angle, after
+
+
+def _goes_alike(first: Calibration, later: Calibration) -> bool:
+    """Whether a later calibration has the same dwells in the same order as the first."""
+    one, other = ([(d.angle_deg, d.direction) for d in each.dwells] for each in (first, later))
+    return one == other
 
 
 @dataclass(frozen=True)

@@ -89,6 +89,7 @@ class AngleProblem(Explained):
         self._unseen = LIBRARY.slots(lambda e: e.in_trials_alone)
         self._later = LIBRARY.slots(lambda e: e.in_later)
         self._passing = LIBRARY.slots(lambda e: e.in_fixture and e.filter in PASSING)
+        self._split = LIBRARY.slots(lambda e: e.in_fixture and e.filter not in PASSING)
         self._moving = LIBRARY.slots(lambda e: e.stage in ("drive", "actuator"))
         self.whitening, fixture, none = bench.whitening, self.evidence.fixture, np.zeros(0)
         further = [  # measured, and its error
@@ -143,7 +144,8 @@ class AngleProblem(Explained):
         self.group[self.branch] = BRANCH
         self.group[self.steps] = SLIP
         self.group[self.waves] = LINE
-        known = evidence.curve_apart_deg if self._loops else evidence.curve_sigma_deg
+        looped = any(LIBRARY[n].first in self._split for n in self.ids)
+        known = evidence.curve_apart_deg if looped else evidence.curve_sigma_deg
         self.variance[self.curve] = known**2
         if curve:
             spread = [q.at(evidence.reach).spread for q in LIBRARY[curve].parameters]
