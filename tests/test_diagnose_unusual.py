@@ -141,6 +141,8 @@ def falling_curve() -> SimpleNamespace:
         angles_deg=np.array([90.0, 60.0, 30.0, 0.0]),
         sigma_knots_deg=np.array([0.9, 0.6, 0.3, 0.1]),
         range_deg=(0.0, 90.0),
+        hysteresis_deg={},
+        dwells=(),
     )
 
 
@@ -159,7 +161,8 @@ def test_a_calibration_between_trials_shows_the_slip_so_far() -> None:
         SimpleNamespace(drift_deg=np.full(2, value), angles_deg=np.array([60.0, 0.0]), started_s=at)
         for value, at in ((0.1, -50.0), (0.2, 90.0), (0.3, 900.0))
     ]
-    data = SimpleNamespace(drifts=drifts, calibration=falling_curve())
+    curve = falling_curve()
+    data = SimpleNamespace(drifts=drifts, calibration=curve, calibrations=[curve] * 4)
     trials = [SimpleNamespace(started_s=at) for at in (0.0, 60.0, 120.0)]
     _, sigma, _, after = _drifts(data, SimpleNamespace(trials=trials))  # type: ignore[arg-type]
     assert sigma == pytest.approx(np.tile(np.hypot([0.6, 0.1], 0.1), 3))
