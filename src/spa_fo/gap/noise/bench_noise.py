@@ -70,14 +70,11 @@ class BenchNoise:
 
     @property
     def is_ordinary(self) -> bool:
-        """Whether gain and time scale scatter by no more than those of benches do."""
+        """Whether gain, by its order too, and time scale vary by no more than on benches."""
         most = SETTINGS.most_scatter * SETTINGS.scatter
-        gain = (
-            self.scatter.gain
-            if self.gains is None
-            else np.hypot(self.scatter.gain, self.gains.std())
-        )
-        return bool(max(gain, self.scatter.time_scale) <= most)
+        of_order = 0.0 if self.gains is None else float(self.gains.std())
+        gain = float(np.hypot(self.scatter.gain, of_order))
+        return max(gain, self.scatter.time_scale) <= most
 
     def floor_deg(self, angle_deg: Floats) -> float:
         """Give what trials of these angles would differ by from their mean, RMS, deg."""
