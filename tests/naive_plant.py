@@ -114,12 +114,25 @@ def duhem(angle, width, turn, exponent):
 
 
 def curve(angle, knots, errors):
-    """Piecewise straight error of a curve, as steep beyond its ends as at them."""
-    error = np.interp(angle, knots, errors)
-    first = (errors[1] - errors[0]) / (knots[1] - knots[0])
-    last = (errors[-1] - errors[-2]) / (knots[-1] - knots[-2])
-    error = np.where(angle < knots[0], errors[0] + first * (angle - knots[0]), error)
-    return angle + np.where(angle > knots[-1], errors[-1] + last * (angle - knots[-1]), error)
+    """Natural cubic spline as a curve's error, as steep beyond its ends as at them."""
+    n, h, rise = len(knots), np.diff(knots), np.diff(errors) / np.diff(knots)
+    matrix, right = np.eye(n), np.zeros(n)  # of the second derivatives, 0 at the ends
+    for i in range(1, n - 1):
+        matrix[i, i - 1 : i + 2] = h[i - 1], 2.0 * (h[i - 1] + h[i]), h[i]
+        right[i] = 6.0 * (rise[i] - rise[i - 1])
+    bent = np.linalg.solve(matrix, right)
+
+    def error(x):
+        if x < knots[0]:
+            return errors[0] + (rise[0] - h[0] * bent[1] / 6.0) * (x - knots[0])
+        if x > knots[-1]:
+            return errors[-1] + (rise[-1] + h[-1] * bent[-2] / 6.0) * (x - knots[-1])
+        i = min(int(np.searchsorted(knots, x, side="right")) - 1, n - 2)
+        a, b = (knots[i + 1] - x) / h[i], (x - knots[i]) / h[i]
+        straight = a * errors[i] + b * errors[i + 1]
+        return straight + ((a**3 - a) * bent[i] + (b**3 - b) * bent[i + 1]) * h[i] ** 2 / 6.0
+
+    return angle + np.array([error(x) for x in angle])
 
 
 class Spring:

@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 
 import campaigns
+from naive_plant import curve
 from plant_cases import (
     KPA,
     SIXTY,
@@ -40,6 +41,7 @@ from spa_fo.plant.augmented import (
     predict_augmented,
 )
 from spa_fo.plant.effects.library import IDS, LIBRARY
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.rig import CampaignData, Trial
 
 ACTING = [name for name in IDS if name not in ("parameter_shift", "mains_pickup")]
@@ -189,17 +191,12 @@ def test_every_effect_reaches_the_prediction(name: str) -> None:
 
 def test_a_static_curve_is_the_plain_prediction_bent() -> None:
     own = trials(step_release(), triangle())
-    bent = model(entry("sensor_nonlinearity"))
-    p = parameters("sensor_nonlinearity")
+    bent, knots = model(entry("sensor_nonlinearity")), np.array(CURVE_KNOTS_DEG)
+    errors = np.insert([*parameters("sensor_nonlinearity").values()], knots.searchsorted(0.0), 0.0)
     for angle, trial in zip(predict_augmented(bent, campaign_data(own)), own, strict=True):
         y = plain(trial)
         above = y > 0.0
-        error = np.interp(
-            y[above],
-            [0, 12, 24, 36, 48, 60, 75],
-            [0, *[p[f"at_{k}deg"] for k in (12, 24, 36, 48, 60, 75)]],
-        )
-        np.testing.assert_allclose(angle[above], y[above] + error, atol=0.03)
+        np.testing.assert_allclose(angle[above], curve(y[above], knots, errors), atol=0.03)
 
 
 def test_every_sample_has_its_prediction() -> None:

@@ -9,12 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import make_interp_spline
 
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, Reach
-from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SLOPES, CURVE_SPLINES
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.stages import true_pressure
@@ -32,8 +31,6 @@ _NEAR_S = 0.4
 _TOP = 0.99  # quantile
 _SHORTEST = 0.01  # of the usual reach: a campaign of noise alone has some, too
 _ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
-_KNOTS = np.eye(len(CURVE_KNOTS_DEG))
-_HATS = make_interp_spline(CURVE_KNOTS_DEG, np.delete(_KNOTS, _ZERO_KNOT, axis=1), k=1)
 
 
 @dataclass(frozen=True)
@@ -159,8 +156,10 @@ def same_course(one: Floats, other: Floats) -> bool:
 
 
 def curve_columns(angle_deg: Floats) -> Floats:
-    """Hats of the sensor curve's knots at some angles, (n, knots): none at 0°, lines beyond."""
-    return np.asarray(_HATS(angle_deg))
+    """Give what a unit error of the sensor curve at each knot but 0° makes, (n, knots)."""
+    inside = np.clip(angle_deg, CURVE_KNOTS_DEG[0], CURVE_KNOTS_DEG[-1])
+    slope = np.where((angle_deg < inside)[:, None], *CURVE_SLOPES[:, None])
+    return np.asarray(CURVE_SPLINES(inside) + slope * (angle_deg - inside)[:, None])
 
 
 def _curve_sigma(calibration: Calibration | None, loop: bool = True) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Effect, Parameter, amplitude
-from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, Floats
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SLOPES, CURVE_SPLINES, Floats
 
 
 def _error_at(angle: float) -> Parameter:
@@ -28,23 +28,23 @@ EFFECT = Effect(
 )
 
 _KNOTS = np.array(CURVE_KNOTS_DEG)
-_ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
+_CUBICS = np.ascontiguousarray(CURVE_SPLINES.c)  # (4, intervals, offsets)
 
 
 @njit
 def bend_curve(y: Floats, offsets: Floats) -> None:
-    """Add the curve's error, straight between its knots and as steep beyond them."""
+    """Add the curve's error, a spline through its knots, straight beyond them."""
     last = _KNOTS.size - 1
+    cubics = np.zeros((last, 4))
+    for j in range(last):
+        for power in range(4):
+            cubics[j, power] = np.sum(_CUBICS[power, j] * offsets)
+    low, high = np.sum(CURVE_SLOPES[0] * offsets), np.sum(CURVE_SLOPES[1] * offsets)
     for i in range(y.size):
+        inside = min(max(y[i], _KNOTS[0]), _KNOTS[last])
         j = 1
-        while j < last and y[i] > _KNOTS[j]:
+        while j < last and inside > _KNOTS[j]:
             j += 1
-        left, right = _offset(offsets, j - 1), _offset(offsets, j)
-        y[i] += left + (right - left) * (y[i] - _KNOTS[j - 1]) / (_KNOTS[j] - _KNOTS[j - 1])
-
-
-@njit
-def _offset(offsets: Floats, knot: int) -> float:
-    if knot == _ZERO_KNOT:
-        return 0.0
-    return float(offsets[knot] if knot < _ZERO_KNOT else offsets[knot - 1])
+        a, b, c, d = cubics[j - 1]
+        t, beyond = inside - _KNOTS[j - 1], y[i] - inside
+        y[i] += ((a * t + b) * t + c) * t + d + (low if beyond < 0.0 else high) * beyond

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Parameter, amplitude, lateness, shape, share
@@ -15,7 +16,14 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 CURVE_KNOTS_DEG = (-10.0, 0.0, 12.0, 24.0, 36.0, 48.0, 60.0, 75.0, 90.0)
-"""Angles between which an unknown sensor curve is drawn straight; it is right at 0°."""
+"""Angles through which an unknown sensor curve is drawn, a natural cubic spline; right at 0°."""
+_ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
+CURVE_SPLINES = CubicSpline(
+    CURVE_KNOTS_DEG, np.delete(np.eye(len(CURVE_KNOTS_DEG)), _ZERO_KNOT, axis=1), bc_type="natural"
+)
+"""Of a unit error at each knot but 0°, from the first knot to the last."""
+CURVE_SLOPES = CURVE_SPLINES([CURVE_KNOTS_DEG[0], CURVE_KNOTS_DEG[-1]], 1)
+"""Slopes of those at the first knot and at the last: beyond them they go on straight."""
 CREEP_TIMES_S = np.logspace(-1.0, 3.5, 10)  # two a decade
 MOMENTS = tuple(np.linspace(0.02, 0.98, 49).tolist())  # a score test looks at each
 _DECADE = 0.5  # of creep time that one element stands for
