@@ -238,6 +238,8 @@ def fit(ids, curve, moved):
         shared_deg=shared,
         trend_deg=0.0,
         trend_nats=0.0,
+        fixture_deg=0.0,
+        fixture_nats=0.0,
         left_deg=0.0,
     )
 
@@ -349,16 +351,19 @@ def test_of_effects_that_stand_in_for_each_other_one_is_named():
     assert enough(0.1, 2.0) == triple
 
 
-def test_what_goes_with_the_order_is_an_effect_more_beside_a_set():
-    def unknown_by_order(ids):
+@pytest.mark.parametrize("what", ["trend", "fixture"])
+def test_what_is_left_elsewhere_is_an_effect_more_beside_a_set(what):
+    nats = 10.0
+
+    def unknown_by(ids, size_deg=FLOOR_DEG):
+        sizes = dict.fromkeys(("trend_deg", "fixture_deg", "trend_nats", "fixture_nats"), 0.0)
         fit = SimpleNamespace(
             ids=ids,
             logs=np.array([0.0, -30.0, -90.0, -200.0, -300.0, -400.0]),
             shared_deg=np.array([float(len(ids))]),
             moved_deg=dict.fromkeys(ids, 2.0),
             left_deg=0.0,
-            trend_deg=FLOOR_DEG,
-            trend_nats=0.0,
+            **sizes | {f"{what}_deg": size_deg, f"{what}_nats": nats},
         )
         bench = SimpleNamespace(
             noise=SimpleNamespace(spectrum=SimpleNamespace(repeats=3)),
@@ -368,9 +373,12 @@ def test_what_goes_with_the_order_is_an_effect_more_beside_a_set():
         (one,) = weigh._of_angle(
             SimpleNamespace(bench=bench, fits={ids: fit}, excluded=()), FLOOR_DEG
         )
-        return one.unknown[-1]
+        return one.unknown
 
     for ids in (("creep",), ("creep", "leak"), ("creep", "leak", "line_lag")):
         odds = np.log(SETTINGS.unknown**2)
         one_more = log_prior((*ids, "contact_stop"))
-        assert unknown_by_order(ids) == pytest.approx(one_more + odds)
+        expected = SETTINGS.temper * nats + one_more + odds
+        assert unknown_by(ids)[-1] == pytest.approx(expected)
+        # Too small to be a gap it says nothing.
+        assert unknown_by(ids, 0.9 * SETTINGS.no_gap * FLOOR_DEG).size == len(SHARES)

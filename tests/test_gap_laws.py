@@ -215,22 +215,26 @@ def test_the_evidence_is_that_of_the_whole_covariance(nothing: tuple[Bench, Fitt
     factor = bench.whitening.factor(1.0, 0.05)
     variances = np.append(plain.variances, 0.25)
     quick, solution, _ = problem.weigh(linear, factor, variances, rounds=0)
-    again, _, _ = problem.weigh(linear, factor, np.append(plain.variances, 1e-9), rounds=0)
+    again, _, _ = problem.weigh(linear, factor, np.append(plain.variances, 1e-6), rounds=0)
     whitened = problem.white(factor, np.column_stack([linear.left, linear.columns]))
-    slopes = problem.white(factor, linear.slopes @ problem.root)
+    left, columns = whitened[:, 0], whitened[:, 1:]
     spread = np.append(np.ones(problem.parameters), problem.spread(variances))
     mean = np.append(np.linalg.solve(problem.root, problem.centre - linear.z), 0.0 * spread[5:])
-    columns = np.hstack([slopes, whitened[:, 1:]])
     less = spread.copy()
-    less[-made.size :] = 1e-9
-    noise = np.ones(columns.shape[0])
-    slow = [
-        naive_gap.log_evidence(whitened[:, 0], noise, columns, mean, each)
-        for each in (spread, less)
-    ]
-    priors = [prior_of(v / s**2) for v, s in zip((0.25, 1e-9), (0.5, 0.5), strict=True)]
+    less[-made.size :] = 1e-6
+
+    def slowly(own):
+        """With slopes of the prediction beside the nuisances that are most probable."""
+        inner = columns.T @ columns + np.diag(1.0 / own[problem.parameters :])
+        b = np.linalg.solve(inner, columns.T @ left)
+        slopes = problem.white(factor, problem.slopes_beside(linear.z, b) @ problem.root)
+        every = np.hstack([slopes, columns])
+        return naive_gap.log_evidence(left, np.ones(left.size), every, mean, own)
+
+    slow = [slowly(each) for each in (spread, less)]
+    priors = [prior_of(v / s**2) for v, s in zip((0.25, 1e-6), (0.5, 0.5), strict=True)]
     assert quick - again == pytest.approx(slow[0] - slow[1] + priors[0] - priors[1], abs=1e-3)
-    assert solution.coefficients.size == columns.shape[1]
+    assert solution.coefficients.size == spread.size
 
 
 def prior_of(ratio: float) -> float:

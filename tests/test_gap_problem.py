@@ -17,11 +17,12 @@ from spa_fo.gap.data.evidence import (
     _drifts,
     angle_chain,
     collect,
+    curve_columns,
     with_usual,
 )
 from spa_fo.gap.data.fixture import fixture_of
 from spa_fo.gap.fit.bench import Bench, bench_for
-from spa_fo.gap.fit.problem import AngleProblem, what_came_before
+from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated, what_came_before
 from spa_fo.gap.search.fitted import variants
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.rig import Calibration, read_campaign, read_trials
@@ -66,8 +67,8 @@ def point(problem: AngleProblem, **values: float) -> np.ndarray:
 def test_a_ceiling_that_came_since_shows_in_a_later_calibration(evidence: Evidence) -> None:
     bench = bench_of(evidence)
     ids = ("sensor_saturation",)
-    assert variants(bench, ids) == (False, True)
-    shown, hidden = (AngleProblem(bench, ids, changed) for changed in (True, False))
+    assert variants(bench, ids) == [MOSTLY, Calibrated(later=True)]
+    shown, hidden = (AngleProblem(bench, ids, Calibrated(later)) for later in (True, False))
     z = point(shown, ceiling_deg=CEILING_DEG, knee_deg=0.1)
     np.testing.assert_allclose(shown.drifted(z), bench.evidence.drift_deg, atol=0.01)
     np.testing.assert_array_equal(hidden.drifted(z), 0.0)
@@ -78,11 +79,43 @@ def test_a_ceiling_that_came_since_shows_in_a_later_calibration(evidence: Eviden
 
 def test_nothing_else_of_the_mechanics_shows_there(evidence: Evidence) -> None:
     bench = bench_of(evidence)
-    problem = AngleProblem(bench, ("contact_stop",), changed=True)
+    problem = AngleProblem(bench, ("contact_stop",), Calibrated(later=True))
     z = point(problem, angle_deg=10.0, stiffness=1.0, softness_deg=1.0)
     np.testing.assert_array_equal(problem.drifted(z), 0.0)
     no_later = replace(bench.evidence, drift_deg=np.zeros(0))
-    assert variants(replace(bench, evidence=no_later), ("sensor_saturation",)) == (False,)
+    assert variants(replace(bench, evidence=no_later), ("sensor_saturation",)) == [MOSTLY]
+
+
+def test_a_late_channel_hides_no_curve_that_came_since(evidence: Evidence) -> None:
+    bench, ids = bench_of(evidence), ("sensor_nonlinearity", "channel_latency")
+    assert len(set(variants(bench, ids))) == 4
+    assert variants(bench, ("channel_latency",), Calibrated(later=True)) == [
+        Calibrated(later=True),
+        Calibrated(later=True, apart=True),
+    ]
+    for apart in (False, True):
+        problem = AngleProblem(bench, ids, Calibrated(later=True, apart=apart))
+        z = point(problem, delay_s=0.3, window_share=0.5)
+        first = problem.rows.size + problem.further[0]
+        drift = problem.columns(z)[first : first + problem.further[1], problem.curve]
+        np.testing.assert_array_equal(drift, curve_columns(bench.evidence.drift_angle_deg))
+        assert np.any(problem.predict(z)[1] != 0.0) != apart
+
+
+def test_a_wrong_mark_is_in_both_ways_alike(evidence: Evidence) -> None:
+    problem = AngleProblem(bench_of(evidence), ())
+    columns = problem.columns(point(problem))
+    fixture = problem.evidence.fixture
+    assert fixture is not None
+    known = [fixture.known_deg[fixture.dwell == d][0] for d in range(problem.dwells.size)]
+    of_first = [fixture.log[fixture.dwell == d][0] == 0 for d in range(problem.dwells.size)]
+    n = problem.rows.size
+    assert np.abs(columns[:n, problem.marks]).max() > 0.1
+    for mark, angle in zip(problem.marks, np.unique(fixture.known_deg), strict=True):
+        own = problem.dwells[(np.array(known) == angle) & np.array(of_first)]
+        both = columns[:n, own].sum(axis=1)
+        np.testing.assert_allclose(columns[:n, mark], both, atol=1e-12)
+        assert not columns[n:, mark].any()
 
 
 @pytest.mark.parametrize("others", [(), ("sensor_hysteresis",)])

@@ -52,7 +52,7 @@ class Explanation:
     def in_fixture(self) -> Floats:
         """Parameters of those effects that the calibration's dwells show."""
         e = self.effects()
-        if self.angle.changed:
+        if self.angle.calibrated.apart:
             e[LIBRARY.slots(lambda effect: effect.in_trials_alone)] = np.nan
         return e
 

@@ -179,12 +179,14 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         logs, own = f.logs - price(f), partial(apart, f)
         sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg
         part = _part(f, logs, f.moved_deg, own, worth, *sizes, repeats)
-        if part is not None and f.trend_deg > s.no_gap * floor_deg:
-            # What goes with the trials' order is structure that is left, too: an unknown effect
-            # beside a set.
-            beside = s.temper * (float(logs.max()) + f.trend_nats) + _with_one_more(part.priced)
+        # What goes with the trials' order, or dwells of a calibration show alike, is structure that
+        # is left, too: an unknown effect beside a set.
+        for nats, size_deg in (f.trend_nats, f.trend_deg), (f.fixture_nats, f.fixture_deg):
+            if part is None or size_deg <= s.no_gap * floor_deg:
+                continue
+            beside = s.temper * (float(logs.max()) + nats) + _with_one_more(part.priced)
             unknown = np.append(part.unknown, beside + 2.0 * np.log(s.unknown))
-            left = float(np.hypot(part.left_deg, f.trend_deg))
+            left = float(np.hypot(part.left_deg, size_deg))
             part = replace(part, unknown=unknown, left_deg=left)
         parts.append(part)
     return [part for part in parts if part is not None]

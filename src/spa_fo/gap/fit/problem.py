@@ -1,13 +1,14 @@
 """The angles of a campaign and one explanation of them, as a least-squares problem.
 
-The simulation holds the explanation's effects; the nuisances are the sensor curve's error, the
-calibration dwells', the log's lateness, and every trial's own gain, rest angle and time scale, and
-the branch of a loop that it began on.
+The simulation holds the explanation's effects; the nuisances are the sensor curve's error, those of
+the fixture's marks and of single dwells at them, the log's lateness, and every trial's own gain,
+rest angle and time scale, and the branch of a loop that it began on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import zip_longest
 
@@ -40,6 +41,27 @@ _OF_TRIALS = [GAIN, REST, TIME_SCALE]
 _SURELY = 1e-3  # probability that a scatter is larger than its bound
 
 
+@dataclass(frozen=True)
+class Calibrated:
+    """What calibrations show of effects, otherwise than they mostly do.
+
+    Attributes
+    ----------
+    later : bool
+        Whether later ones show what trials do of an unknown sensor curve, or of a ceiling of the
+        reading, which is then not the mounting's alone: it has come since the first one.
+    apart : bool
+        Whether none shows a late channel: what logs them is not what logs a trial.
+    """
+
+    later: bool = False
+    apart: bool = False
+
+
+MOSTLY = Calibrated()
+"""As they mostly do."""
+
+
 class AngleProblem(Explained):
     """An explanation of a campaign.
 
@@ -52,18 +74,16 @@ class AngleProblem(Explained):
         The campaign.
     ids : sequence of str
         Effects of the explanation.
-    changed : bool
-        Whether calibrations show something else of the effects than they mostly do: later ones an
-        unknown sensor curve, or a ceiling of the reading, which is then not the mounting's alone;
-        none a late channel.
+    calibrated : Calibrated
+        What calibrations show of the effects.
     trend : bool
         Whether gain and rest angle may go with the trials' order.
     """
 
     def __init__(
-        self, bench: Bench, ids: Sequence[str], changed: bool = False, trend: bool = False
+        self, bench: Bench, ids: Sequence[str], calibrated: Calibrated = MOSTLY, trend: bool = False
     ) -> None:
-        self.bench, self.ids, self.changed, self.trend = bench, tuple(ids), changed, trend
+        self.bench, self.ids, self.calibrated, self.trend = bench, tuple(ids), calibrated, trend
         self.evidence, self.chain, self.rows = bench.evidence, bench.chain, bench.whitening.rows
         self.line = bench.line if at_port("line", ids) else None
         known = bench.coefficients
@@ -75,7 +95,7 @@ class AngleProblem(Explained):
         reach = self.evidence.reach
         super().__init__(slots_of(ids, reach), nuisance_scales(bench, slips), known)
         self.strength[_OF_TRIALS] += told_by_repeats(bench)
-        self.strength[DWELL] += bench.noise.fixture_told
+        self.strength[DWELL] += bench.noise.fixture_told / SETTINGS.temper
         if slips:
             self.strength[REST] = WEAK  # what repeats differ by at rest is the slip's
         # Nuisances do not hide what all trials show: repeats have said how large they are, and
@@ -84,7 +104,8 @@ class AngleProblem(Explained):
         usual = np.maximum(bench.scales[_OF_TRIALS], ordinary)
         self.most[_OF_TRIALS] = most(bench.noise.spectrum.repeats) * usual
         self.most[BRANCH] = 2.0  # from one branch of a loop to the other
-        self.most[DWELL] = SETTINGS.most_scatter * max(SETTINGS.dwell_error_deg, self.scales[DWELL])
+        dwell = max(SETTINGS.dwell_error_deg, self.scales[DWELL])
+        self.most[DWELL] = most(round(bench.noise.fixture_told)) * dwell
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
         self._unseen = LIBRARY.slots(lambda e: e.in_trials_alone)
         self._later = LIBRARY.slots(lambda e: e.in_later)
@@ -114,6 +135,7 @@ class AngleProblem(Explained):
     def _lay(self) -> None:
         """Give each kind of nuisance its columns, and these their variances or groups."""
         evidence, bench, fixture = self.evidence, self.bench, self.evidence.fixture
+        of_known = np.zeros((0, 0)) if fixture is None else fixture.of_known
         self.trials = np.unique(self.trial)
         after = what_came_before(self.chain.input_kpa, evidence.grid.cell_starts)[self.trials]
         self.after = np.unique(after, return_inverse=True)[1]
@@ -122,7 +144,8 @@ class AngleProblem(Explained):
         sizes = [
             evidence.curve_sigma_deg.size,
             1,
-            0 if fixture is None else int(fixture.dwell.max()) + 1,
+            of_known.shape[1],
+            of_known.shape[0],
             1 if fixture is not None and passing else 0,
             len(self._loops) * (int(self.after.max()) + 1),
             1 if slips else 0,
@@ -133,10 +156,10 @@ class AngleProblem(Explained):
         ]
         self.size = sum(sizes)
         parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
-        self.curve, self.late, self.dwells, self.arrived, self.branch, self.walk, *parts = parts
-        self.steps, own, waves, self.trends = parts
+        self.curve, self.late, self.dwells, self.marks, self.arrived, self.branch, *parts = parts
+        self.walk, self.steps, own, waves, self.trends = parts
         self.own, self.waves = own.reshape(-1, 3), waves.reshape(-1, 2)
-        self.read = np.append(self.curve, self.dwells)
+        self.read = np.concatenate([self.curve, self.dwells, self.marks])
         self.moving = np.concatenate([self.read, self.arrived, self.branch])
         self.group, self.variance = np.full(self.size, -1), np.ones(self.size)
         self.group[self.own] = [GAIN, REST, TIME_SCALE]
@@ -153,11 +176,13 @@ class AngleProblem(Explained):
         if self.trend:
             self.variance[self.trends[:4]] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])
         self.variance[self.late] = SETTINGS.angle_late_s**2
+        # Both ways through a calibration, and a later one, share it: nothing there tells of it.
+        self.variance[self.marks] = SETTINGS.dwell_error_deg**2
         self.variance[self.arrived] = _ARRIVED**2
         if slips:
             self.variance[self.walk] = LIBRARY[slips].parameters[0].at(evidence.reach).spread ** 2
-        of_known = np.zeros((0, 0)) if fixture is None else fixture.of_known
-        self._made_of = block_diag(np.eye(self.curve.size), of_known)
+        known_angles = np.hstack([of_known, np.eye(self.marks.size)])
+        self._made_of = block_diag(np.eye(self.curve.size), known_angles)
         self._still = self._of_calibrations()
 
     def columns(self, z: Floats) -> Floats:
@@ -218,7 +243,7 @@ class AngleProblem(Explained):
     def moved(self, factor: Factor, z: Floats) -> Floats:
         """Whiten what goes with the point: errors of the curve and of known angles, beginnings."""
         read = self._of_reading(self.rows.merged(self.predict(z)[0]))
-        # A known angle's dwells have one column between them.
+        # A known angle's mark and dwells have one column between them.
         own = self.whitening.white(factor, read) @ self._made_of
         none = np.zeros((own.shape[0], self.arrived.size))
         branch = self.whitening.white(factor, self._of_branch(z))
@@ -269,8 +294,7 @@ class AngleProblem(Explained):
         evidence, after = self.evidence, self.evidence.drift_after
         assert evidence.fixture is not None
         out[:, self.dwells] = evidence.fixture.drifted
-        late = any(LIBRARY[name].in_trials_alone for name in self.ids)
-        if self.changed and (at_port("curve", self.ids) or not late):
+        if self.calibrated.later:
             out[:, self.curve] = curve_columns(evidence.drift_angle_deg)
         if self.walk.size:
             out[:, self.walk[0]] = np.append(0.0, evidence.grid.orders)[after]
@@ -300,14 +324,14 @@ class AngleProblem(Explained):
         if fixture is None:
             return np.zeros(0), Mounting()
         shown = effects.copy()
-        if self.changed:
+        if self.calibrated.apart:
             shown[self._unseen] = np.nan
         return self.once("fixture", shown[self._film], lambda: fixture.simulate(shown))
 
     def drifted(self, z: Floats) -> Floats:
         """Predict what later calibrations read beyond what the first one does, (m,)."""
         at, e = self.evidence.drift_angle_deg, self.effects(z)
-        if not (self.changed and at.size) or np.isnan(e[self._later]).all():
+        if not (self.calibrated.later and at.size) or np.isnan(e[self._later]).all():
             return np.zeros(at.size)
         shown = absent()
         shown[self._later] = e[self._later]

@@ -38,7 +38,7 @@ class LawProblem(AngleProblem):
     """An explanation with a law about coefficients `e`, (m,), which are `scale` beforehand.
 
     A law of the reading holds of later calibrations too where `base`, the named effects beside it,
-    has `changed`.
+    shows it there (`Calibrated.later`).
     """
 
     def __init__(self, bench: Bench, base: Fitted, basis: Basis, e: Floats, scale: float) -> None:
@@ -46,7 +46,7 @@ class LawProblem(AngleProblem):
         self.step = _STEP * scale
         # A law's straight part is the coefficients': they may have shifted.
         own = replace(bench.freed(), chain=with_law(bench.chain, basis.law(e)))
-        super().__init__(own, base.ids, base.changed)
+        super().__init__(own, base.ids, base.calibrated)
         self.group = np.append(self.group, np.full(basis.size, self.scales.size))
         self.variance = np.append(self.variance, np.ones(basis.size))
         self.scales, self.most = np.append(self.scales, scale), np.append(self.most, _MOST * scale)
@@ -62,7 +62,7 @@ class LawProblem(AngleProblem):
             moved.append(chain.run(to_x(z[:5]), effects)[0] - here)
         rows = self.rows.merged(np.column_stack(moved)) / self.step
         drift = None
-        if self.changed and self.basis.place == "reading":
+        if self.calibrated.later and self.basis.place == "reading":
             drift = self.basis.curve(self.evidence.drift_angle_deg)
         return self.stacked(rows, drift=drift)
 

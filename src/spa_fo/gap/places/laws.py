@@ -80,7 +80,7 @@ def fitted_laws(bench: Bench, base: Fitted, least: float = -np.inf) -> tuple[Flo
     screened = [fit for fit in rough if fit is not None]
     screened.sort(key=lambda fit: -standing(fit.logs))
     best = [fit for fit in screened[:_FITTED] if standing(fit.logs) >= least]
-    again = [(fit.basis, replace(base, changed=fit.beside.changed)) for fit in best]
+    again = [(fit.basis, replace(base, calibrated=fit.beside.calibrated)) for fit in best]
     for k, fit in enumerate(_fits(bench, again, factors)):
         screened[k] = fit or best[k]  # beyond the screening it may be too steep
     # Of the variants of one place the best stands.
@@ -143,13 +143,13 @@ def _candidates(bench: Bench, base: Fitted) -> Iterator[tuple[Basis, Fitted]]:
     """
     for basis in bases(bench, base):
         unsure = basis.place == "reading" and bench.evidence.drift_deg.size
-        for changed in (False, True) if unsure else (base.changed,):
-            yield basis, replace(base, changed=changed)
+        for later in (False, True) if unsure else (base.calibrated.later,):
+            yield basis, replace(base, calibrated=replace(base.calibrated, later=later))
 
 
 def _without_law(bench: Bench, base: Fitted, factors: Sequence[Factor]) -> Floats:
     """Log evidence of what is known by itself, its coefficients as free as beside a law."""
-    problem = AngleProblem(bench.freed(), base.ids, base.changed)
+    problem = AngleProblem(bench.freed(), base.ids, base.calibrated)
     spread = problem.spread(base.variances)
     found = problem.search(base.z, factors[0], spread, _ENOUGH, _MOST_TRIED)
     linear = problem.linear(found.z)

@@ -29,6 +29,7 @@ from spa_fo.gap.search.fitted import (
     fit,
     problem_of,
     settled,
+    variants,
     weighed,
     without_others,
 )
@@ -112,9 +113,9 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
         if name in base.ids:
             continue
         wide = ordered((*base.ids, name))
-        unsure = LIBRARY[name].in_trials_alone or LIBRARY[name].in_later
-        every = (False, True) if unsure else (base.changed,)
-        problems = [AngleProblem(bench, wide, changed) for changed in every]
+        problems = [
+            AngleProblem(bench, wide, each) for each in variants(bench, (name,), base.calibrated)
+        ]
         slots = LIBRARY[name].slots
         mine = np.array([slots.start <= slot.place < slots.stop for slot in problems[0].slots])
         signed = LIBRARY[name].parameters[0].low < 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LEVELS, LINE, SHARES, Bench, level_prior
 from spa_fo.gap.fit.minimise import Minimum
 from spa_fo.gap.fit.mixed import Solution
-from spa_fo.gap.fit.problem import AngleProblem
+from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated
 from spa_fo.gap.fit.repeated import repeats_say, rest_of
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
@@ -39,8 +40,8 @@ class Fitted:
     ----------
     ids : tuple of str
         Its effects.
-    changed : bool
-        Whether calibrations show something else of the effects than they mostly do.
+    calibrated : Calibrated
+        What calibrations show of its effects.
     z, slopes : array, (rows, parameters) array
         Searched coefficients and parameters, and slopes of the prediction over them.
     effects : array
@@ -73,12 +74,15 @@ class Fitted:
     trend_nats, trend_deg : float
         Log evidence for gain and rest angle that go with the trials' order beside the explanation,
         and their RMS.
+    fixture_nats, fixture_deg : float
+        Log evidence that dwells which are alike show something alike beside the explanation, and
+        its RMS.
     left_deg : float
         RMS of the residual beyond noise.
     """
 
     ids: Ids
-    changed: bool
+    calibrated: Calibrated
     z: Floats
     slopes: Floats
     effects: Floats
@@ -100,6 +104,8 @@ class Fitted:
     line: tuple[float, float] | None = None
     trend_nats: float = 0.0
     trend_deg: float = 0.0
+    fixture_nats: float = 0.0
+    fixture_deg: float = 0.0
     left_deg: float = 0.0
 
     @property
@@ -133,8 +139,8 @@ def begun(
     """Fit one explanation roughly: to tell whether it is worth more, and where to go on."""
     factor = bench.whitening.factor(1.0, share)
     fits = []
-    for changed in variants(bench, ids):
-        problem = AngleProblem(bench, ids, changed)
+    for calibrated in variants(bench, ids):
+        problem = AngleProblem(bench, ids, calibrated)
         variances = problem.scales**2
         spread = problem.spread(variances)
         rough = [problem.search(z, factor, spread, _ROUGH, _ROUGH_TRIED) for z in points]
@@ -146,13 +152,14 @@ def begun(
     return max(fits, key=lambda f: f.quick)
 
 
-def variants(bench: Bench, ids: Sequence[str]) -> tuple[bool, ...]:
-    """List whether calibrations may show something else of effects; see `AngleProblem`."""
+def variants(bench: Bench, ids: Sequence[str], calibrated: Calibrated = MOSTLY) -> list[Calibrated]:
+    """List what calibrations may show of effects, beside what they show of others."""
     evidence = bench.evidence
     since = at_port("curve", ids) is not None or any(LIBRARY[n].in_later for n in ids)
-    later = since and evidence.drift_deg.size > 0
-    unseen = evidence.fixture is not None and any(LIBRARY[n].in_trials_alone for n in ids)
-    return (False, True) if later or unseen else (False,)
+    alone = any(LIBRARY[n].in_trials_alone for n in ids)
+    later = (False, True) if since and evidence.drift_deg.size else (calibrated.later,)
+    apart = (False, True) if alone and evidence.fixture is not None else (calibrated.apart,)
+    return [Calibrated(*each) for each in product(later, apart)]
 
 
 def settled(
@@ -173,7 +180,7 @@ def settled(
 
 def problem_of(bench: Bench, fitted: Fitted, trend: bool = False) -> AngleProblem:
     """Make the problem again that was fitted, on the same bench; its slopes there are known."""
-    problem = AngleProblem(bench, fitted.ids, fitted.changed, trend)
+    problem = AngleProblem(bench, fitted.ids, fitted.calibrated, trend)
     problem.once("slopes", fitted.z, lambda: fitted.slopes)
     return problem
 
@@ -199,7 +206,7 @@ def _fitted(
     at = whole.shape[0] - problem.size + problem.curve
     fitted = Fitted(
         ids=ids,
-        changed=problem.changed,
+        calibrated=problem.calibrated,
         z=linear.z,
         slopes=linear.slopes,
         effects=problem.effects(linear.z),
@@ -269,15 +276,21 @@ def weighed(bench: Bench, fitted: Fitted) -> Fitted:
         best = int(np.argmax(logs))
     factor = bench.whitening.factor(LEVELS[at], SHARES[best])
     _, solution, top = problem.weigh(linear, factor, fitted.variances, rounds=3)
-    remaining = problem.remaining(linear, solution, top)[: problem.rows.size]
-    left_deg = bench.whitening.beyond_noise(remaining, LEVELS[at])
+    remaining = problem.remaining(linear, solution, top)
+    n, fixture = problem.rows.size, bench.evidence.fixture
+    left_deg = bench.whitening.beyond_noise(remaining[:n], LEVELS[at])
     nats, size = _trend(bench, fitted, factor)
+    fixture_nats, fixture_deg = 0.0, 0.0
+    if fixture is not None:
+        fixture_nats, fixture_deg = fixture.shows_alike(remaining[n : n + problem.further[0]])
     return replace(
         fitted,
         logs=logs + _by_repeats(problem, solution),
         level=LEVELS[at],
         trend_nats=nats,
         trend_deg=size,
+        fixture_nats=fixture_nats,
+        fixture_deg=fixture_deg,
         left_deg=left_deg,
     )
 
