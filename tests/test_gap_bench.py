@@ -22,11 +22,16 @@ from spa_fo.gap.fit.coefficients import (
 from spa_fo.gap.fit.problem import most
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.noise.coloured import CORRELATION_S, Scatter, Spectrum
+from spa_fo.gap.noise.dwell_error import UNKNOWN, DwellError
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model
 from spa_fo.plant.paper import TABLE_I
 
-NOISE = BenchNoise(Spectrum(0.01, np.full(CORRELATION_S.size, 0.01)), Scatter(0.01, 0.2, 0.01), 0.2)
+NOISE = BenchNoise(
+    Spectrum(0.01, np.full(CORRELATION_S.size, 0.01)),
+    Scatter(0.01, 0.2, 0.01),
+    DwellError(0.2, 9.0, 0.0),
+)
 T = np.geomspace(0.05, 8.0, 60)
 
 
@@ -164,7 +169,7 @@ def test_a_usual_actuator_is_its_own_centre() -> None:
 
 def level(repeats: int, compared: bool, value: float) -> float:
     spectrum = Spectrum(0.01, np.full(CORRELATION_S.size, 0.01), repeats)
-    noise = BenchNoise(spectrum, Scatter(0.01, 0.2, 0.01), None, compared)
+    noise = BenchNoise(spectrum, Scatter(0.01, 0.2, 0.01), UNKNOWN, compared)
     return level_prior(SimpleNamespace(noise=noise), value)  # type: ignore[arg-type]
 
 

@@ -16,6 +16,7 @@ from spa_fo.gap.decide.explanation import Explanation, simulate
 from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE, Bench, bench_for
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.noise.coloured import Scatter, Spectrum
+from spa_fo.gap.noise.dwell_error import UNKNOWN
 from spa_fo.gap.search.fitted import fit
 from spa_fo.rig import read_campaign, read_trials
 
@@ -31,7 +32,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     campaigns.step_campaign(folder, trials=3)
     evidence = replace(collect(read_trials(read_campaign(folder))), noise_deg=NOISE_DEG)
     made = bench_for(evidence, np.array(list(campaigns.TRUTH.values())), False, None)
-    quiet = BenchNoise(Spectrum(NOISE_DEG**2, np.full(6, 1e-6), 2), SCATTER, None)
+    quiet = BenchNoise(Spectrum(NOISE_DEG**2, np.full(6, 1e-6), 2), SCATTER, UNKNOWN)
     scales = made.scales.copy()
     scales[:3] = SCATTER.gain, SCATTER.rest_deg, SCATTER.time_scale
     return replace(made, noise=quiet, scales=scales).without(

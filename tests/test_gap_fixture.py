@@ -131,8 +131,22 @@ def test_what_dwells_show_alike_is_told_from_noise(calibration: Calibration) -> 
         assert nats > 20.0
         assert size_deg == pytest.approx(np.sqrt(np.mean(creep[~first] ** 2)), rel=0.2)
         alone, small_deg = fixture.shows_alike(noise)
-        assert alone < 2.0
+        assert alone < 0.0
         assert small_deg < 0.5 * size_deg
-    # What each dwell does in a way of its own is none, however much it is.
+    # What each dwell does in a way of its own is none.
     own = rng.normal(size=(fixture.of_dwell.shape[1], 4))[fixture.dwell, into]
-    assert fixture.shows_alike(fixture.average @ (0.1 * np.where(first, 0.0, own)))[0] < 2.0
+    assert fixture.shows_alike(fixture.average @ (0.1 * np.where(first, 0.0, own)))[0] < 0.0
+
+
+def test_a_later_calibration_at_other_angles_errs_by_the_first_curve(
+    calibration: Calibration,
+) -> None:
+    other = tuple(replace(d, angle_deg=d.angle_deg + 3.0) for d in calibration.dwells)
+    fixture = laid_out(calibration, replace(calibration, dwells=other, started_s=5000.0))
+    known, dwells = np.unique([d.angle_deg for d in calibration.dwells]), len(other)
+    misread = fixture.misread(known + 3.0)
+    np.testing.assert_allclose(fixture.misread_later, misread)
+    np.testing.assert_allclose(fixture.drifted[:, :dwells], misread @ fixture.of_known[:, :dwells])
+    # At the same angles the first calibration read it, too.
+    same = laid_out(calibration, replace(calibration, started_s=5000.0))
+    assert not same.misread_later.any()

@@ -23,7 +23,7 @@ from spa_fo.gap.noise.coloured import (
     estimate,
     scatter,
 )
-from spa_fo.gap.noise.dwell_error import dwell_error
+from spa_fo.gap.noise.dwell_error import UNKNOWN, DwellError, dwell_error
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.rig.calibration import Calibration, calibrate
 
@@ -190,13 +190,23 @@ def test_the_error_of_a_dwells_angle_is_found_beside_a_loop(
     error_deg: float, loop_deg: float
 ) -> None:
     found = [dwell_error([calibrated(error_deg, loop_deg, seed)]) for seed in range(12)]
-    assert {told for _, told in found} == {16.0}  # the top is held once
-    mean = np.sqrt(np.mean([error**2 for error, _ in found if error is not None]))
-    assert mean == pytest.approx(error_deg, rel=0.2, abs=0.02)
+    assert {each.mark_deg for each in found} == {SETTINGS.dwell_error_deg}
+    squares = np.array([each.deg**2 for each in found if each.deg is not None])
+    assert np.sqrt(squares.mean()) == pytest.approx(error_deg, rel=0.2, abs=0.02)
+
+
+def test_an_estimate_scatters_by_the_degrees_of_freedom_that_say_it() -> None:
+    for both in (True, False):
+        found = [dwell_error([calibrated(0.8, 1.0, seed, both)]) for seed in range(150)]
+        squares = np.array([each.deg**2 for each in found if each.deg is not None])
+        told = np.mean([each.told for each in found])
+        # Nineteen angles bend at seventeen of them, each with its neighbours.
+        assert told < (10.0 if both else 17.0)
+        assert 2.0 * squares.mean() ** 2 / squares.var() == pytest.approx(told, rel=0.4)
 
 
 def test_no_fixture_is_exact_though_a_coarse_converter_reads_the_same_both_ways() -> None:
-    exact, _ = dwell_error([calibrated(0.0, 0.0, 1)])
+    exact = dwell_error([calibrated(0.0, 0.0, 1)]).deg
     assert exact is not None
     assert 0.0 < exact < 0.01
 
@@ -206,7 +216,7 @@ def test_what_has_become_of_the_curve_since_is_no_error_of_the_fixture() -> None
         dwell_error([calibrated(0.2, 1.0, seed), calibrated(0.2, 1.0, seed + 50, changed_deg=4.0)])
         for seed in range(12)
     ]
-    mean = np.sqrt(np.mean([error**2 for error, _ in found if error is not None]))
+    mean = np.sqrt(np.mean([each.deg**2 for each in found if each.deg is not None]))
     assert mean == pytest.approx(0.2, rel=0.25)
 
 
@@ -217,8 +227,8 @@ def test_one_way_scatters_about_its_smooth_curve_by_the_error(
 ) -> None:
     one_way = [calibrated(error_deg, 3.0, seed, False, falling=falling) for seed in range(12)]
     found = [dwell_error([each]) for each in one_way]
-    assert all(told > 5.0 for _, told in found)
-    mean = np.sqrt(np.mean([error**2 for error, _ in found if error is not None]))
+    assert all(each.told > 4.0 and not each.mark_deg for each in found)
+    mean = np.sqrt(np.mean([each.deg**2 for each in found if each.deg is not None]))
     assert mean == pytest.approx(error_deg, rel=0.25)
 
 
@@ -229,31 +239,33 @@ def test_few_angles_move_the_error_from_what_is_usual_by_as_much_as_they_say() -
         return SimpleNamespace(dwells=kept, angle_deg=lambda counts: (counts - 100.0) / 10.0)
 
     usual = SETTINGS.dwell_error_deg
-    (exact, told), (rough, _) = (dwell_error([few(error, 1)]) for error in (0.0, 5.0))  # type: ignore[list-item]
-    assert told == 1.0
-    assert exact == pytest.approx(np.sqrt(0.75) * usual)
-    assert rough is not None
-    assert rough > 3.0 * usual
+    exact, rough = (dwell_error([few(error, 1)]) for error in (0.0, 5.0))  # type: ignore[list-item]
+    assert exact.told == 1.0
+    assert exact.deg == pytest.approx(np.sqrt(0.75) * usual)
+    assert rough.deg is not None
+    assert rough.deg > 3.0 * usual
 
 
 def test_a_curve_through_every_angle_says_nothing_of_their_error() -> None:
-    assert dwell_error([]) == (None, 0.0)
+    assert dwell_error([]) == UNKNOWN
     t_s = np.arange(0.0, 15.0, 0.1)
     at = np.minimum((t_s / 5.0).astype(int), 2)
     three = calibrate(t_s, np.array([0.0, 40.0, 90.0])[at], np.array([1.0, 400.0, 980.0])[at], "c")
-    assert dwell_error([three]) == (None, 0.0)
+    assert dwell_error([three]) == UNKNOWN
 
 
 def test_what_the_bench_adds_is_said_where_trials_were_repeated() -> None:
     own = Scatter(gain=0.015, rest_deg=0.2, time_scale=0.02)
     noise = Spectrum(0.0, np.array([0.0, 0.0, 0.0625, 0.0, 0.0, 0.0]), 12)
-    said = BenchNoise(noise, own, 0.2).sentence()
+    both, one = (DwellError(0.2, 9.0, mark_deg) for mark_deg in (0.15, 0.0))
+    said = BenchNoise(noise, own, both).sentence()
     assert "noise of 0.25°, correlated over about 1 s" in said
     assert "1.5 % in gain, 0.2° at rest, 2 % in time scale" in said
-    assert said.endswith("known angles err by about 0.2°.")
-    assert "known angles" not in BenchNoise(noise, own, None).sentence()
+    assert said.endswith("known angles err by about 0.2° from dwell to dwell.")
+    assert BenchNoise(noise, own, one).sentence().endswith("known angles err by about 0.2°.")
+    assert "known angles" not in BenchNoise(noise, own, UNKNOWN).sentence()
     alone = Spectrum(noise.white, noise.coloured, 0)
-    assert BenchNoise(alone, own, 0.2).sentence() == ""
+    assert BenchNoise(alone, own, both).sentence() == ""
 
 
 @pytest.mark.parametrize(("gain", "time_scale"), [(0.14, 0.01), (0.01, 0.09)])
@@ -261,7 +273,7 @@ def test_trials_that_differ_by_more_than_those_of_benches_show_something(
     gain: float, time_scale: float
 ) -> None:
     spectrum = Spectrum(0.01, np.full(6, 0.01), repeats=4)
-    ordinary = BenchNoise(spectrum, Scatter(0.03, 0.2, 0.03), None)
+    ordinary = BenchNoise(spectrum, Scatter(0.03, 0.2, 0.03), UNKNOWN)
     wild = replace(ordinary, scatter=Scatter(gain, 0.2, time_scale))
     assert ordinary.is_ordinary
     assert not wild.is_ordinary

@@ -21,8 +21,9 @@ from spa_fo.gap.data.evidence import (
     with_usual,
 )
 from spa_fo.gap.data.fixture import fixture_of
-from spa_fo.gap.fit.bench import Bench, bench_for
+from spa_fo.gap.fit.bench import DWELL, Bench, bench_for
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated, what_came_before
+from spa_fo.gap.noise.dwell_error import DwellError
 from spa_fo.gap.search.fitted import variants
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.rig import Calibration, read_campaign, read_trials
@@ -102,8 +103,31 @@ def test_a_late_channel_hides_no_curve_that_came_since(evidence: Evidence) -> No
         assert np.any(problem.predict(z)[1] != 0.0) != apart
 
 
+def test_dwells_err_as_the_ways_of_a_calibration_say(evidence: Evidence) -> None:
+    """A wave in what is read is not made up for by dwells whose ways say that they err little."""
+    bench = bench_of(evidence)
+    found = {}
+    for told in (0.0, 12.0):
+        noise = replace(bench.noise, fixture=DwellError(0.05, told, 0.0))
+        scales = bench.scales.copy()
+        scales[DWELL] = 0.05
+        problem = AngleProblem(replace(bench, noise=noise, scales=scales), ())
+        z = point(problem)
+        wave = np.sin(problem.predict(z)[0] / 4.0)
+        angle = np.concatenate([problem.rows.merged(wave), np.zeros(sum(problem.further))])
+        linear = replace(problem.linear(z), left=angle)
+        factor = problem.whitening.factor(1.0, 0.0)
+        _, solution, _ = problem.weigh(linear, factor, problem.scales**2, rounds=20)
+        found[told] = float(np.sqrt(solution.variances[DWELL]))
+    assert found[0.0] > 0.5
+    assert found[12.0] < 0.25
+
+
 def test_a_wrong_mark_is_in_both_ways_alike(evidence: Evidence) -> None:
-    problem = AngleProblem(bench_of(evidence), ())
+    bench = bench_of(evidence)
+    assert not AngleProblem(bench, ()).marks.size  # nothing says what a dwell errs by
+    noise = replace(bench.noise, fixture=DwellError(0.1, 5.0, 0.15))
+    problem = AngleProblem(replace(bench, noise=noise), ())
     columns = problem.columns(point(problem))
     fixture = problem.evidence.fixture
     assert fixture is not None

@@ -236,7 +236,7 @@ def times_expected(examined: Examined, plain_deg: Floats) -> float:
         return 1.0
     parts = [examined.floor_deg]
     if everything.fixture is not None:
-        parts.append(float(bench.scales[DWELL]))
+        parts += [float(bench.scales[DWELL]), bench.noise.fixture.mark_deg]
     response = bench.coefficients.response
     if response is not None:
         final = float(np.linalg.norm(response.root[-1]))

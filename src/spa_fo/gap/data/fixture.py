@@ -57,10 +57,24 @@ class Fixture:
     def drifted(self) -> Floats:
         """What an error of each dwell's known angle makes of the later drifts, (m, dwells)."""
         later = [np.zeros((0, self.of_dwell.shape[1]))]
-        for log in range(1, len(self.paths)):
-            angles = np.unique(self.known_deg[self.log == log])
+        for log, angles in enumerate(self._later_deg, start=1):
             later.append(self._mean_at(log, angles) - self._mean_at(0, angles))
-        return np.concatenate(later)
+        return np.concatenate(later) + self.misread_later @ self.of_known
+
+    @cached_property
+    def misread_later(self) -> Floats:
+        """What errors of known angles make of the later drifts by the curve, (m, known angles).
+
+        At an angle of the first calibration it is what that read, too.
+        """
+        known = np.unique(self.known_deg[self.log == 0])
+        angles = np.concatenate([np.zeros(0), *self._later_deg])
+        return np.where(np.isin(angles, known)[:, None], 0.0, self.misread(angles))
+
+    @cached_property
+    def _later_deg(self) -> list[Floats]:
+        """Angles of each later calibration, deg."""
+        return [np.unique(self.known_deg[self.log == k]) for k in range(1, len(self.paths))]
 
     def _mean_at(self, log: int, angles_deg: Floats) -> Floats:
         """Weights of the mean over a calibration's dwells at some angles, (angles, dwells)."""
@@ -86,18 +100,20 @@ class Fixture:
             Log evidence, by the criterion of Schwarz (1978, doi:10.1214/aos/1176344136), where
             rows err as they are known to, or as they scatter; and the RMS of what is alike.
         """
-        white, columns = left_deg / self.sigma_deg, self.alike / self.sigma_deg[:, None]
+        known = self.sigma_deg < _UNKNOWN_DEG
+        white, columns = left_deg[known] / self.sigma_deg[known], self.alike[known]
+        columns = columns / self.sigma_deg[known, None]
         found, _, rank, _ = np.linalg.lstsq(columns, white, rcond=1e-6)
         before, rest = float(white @ white), white - columns @ found
-        n, after = white.size, float(rest @ rest)
+        angles = np.unique(np.column_stack([self.log, self.known_deg])[known], axis=0)
+        n, after = white.size - angles.shape[0], float(rest @ rest)  # each has a mean of its own
         if n <= rank:
             return 0.0, 0.0
         scatter = min(max(after / (n - rank), 1.0), _NOISIER**2)
         said = 0.5 * (before - after) / scatter
         price = 0.5 * int(rank) * float(np.log(n))
-        known = self.sigma_deg < _UNKNOWN_DEG
-        alike = (self.alike @ found)[known]
-        return max(said - price, 0.0), float(np.sqrt(np.mean(alike**2)))
+        alike = self.alike[known] @ found
+        return said - price, float(np.sqrt(np.mean(alike**2)))
 
     def simulate(self, effects: Floats) -> tuple[Floats, Mounting]:
         """Simulate what the sensor's effects make of the fixture.

@@ -141,7 +141,7 @@ def bench_for(
         angle = max(float(np.sqrt(np.mean(grid.angle_deg**2))), evidence.noise_deg)
         centre, coefficients = identified(given, noise, horizon, max(lasted), angle, error_deg)
     scatter = noise.scatter
-    dwell = SETTINGS.dwell_error_deg if noise.fixture_deg is None else noise.fixture_deg
+    dwell = SETTINGS.dwell_error_deg if noise.fixture.deg is None else noise.fixture.deg
     scales = [scatter.gain, scatter.rest_deg, scatter.time_scale, dwell, _SLIP_DEG, 0.5, _BRANCH]
     return Bench(
         evidence=evidence,

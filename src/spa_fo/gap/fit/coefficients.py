@@ -144,7 +144,7 @@ def identified(
         What is known of them.
     """
     gain = float(given[4] / given[3])
-    read = (noise.fixture_deg or 0.0) / angle_deg
+    read = float(np.hypot(noise.fixture.deg or 0.0, noise.fixture.mark_deg)) / angle_deg
     own = 0.0 if error_deg is None else error_deg / angle_deg
     error = float(np.linalg.norm([SETTINGS.response_error, read, own]))
     longest_s = max(longest_s, 2.0 * _FIRST_S)

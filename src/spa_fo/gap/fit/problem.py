@@ -95,7 +95,7 @@ class AngleProblem(Explained):
         reach = self.evidence.reach
         super().__init__(slots_of(ids, reach), nuisance_scales(bench, slips), known)
         self.strength[_OF_TRIALS] += told_by_repeats(bench)
-        self.strength[DWELL] += bench.noise.fixture_told / SETTINGS.temper
+        self.strength[DWELL] += bench.noise.fixture.told * (1.0 / SETTINGS.temper - 1.0)
         if slips:
             self.strength[REST] = WEAK  # what repeats differ by at rest is the slip's
         # Nuisances do not hide what all trials show: repeats have said how large they are, and
@@ -105,7 +105,7 @@ class AngleProblem(Explained):
         self.most[_OF_TRIALS] = most(bench.noise.spectrum.repeats) * usual
         self.most[BRANCH] = 2.0  # from one branch of a loop to the other
         dwell = max(SETTINGS.dwell_error_deg, self.scales[DWELL])
-        self.most[DWELL] = most(round(bench.noise.fixture_told)) * dwell
+        self.most[DWELL] = most(round(bench.noise.fixture.told)) * dwell
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
         self._unseen = LIBRARY.slots(lambda e: e.in_trials_alone)
         self._later = LIBRARY.slots(lambda e: e.in_later)
@@ -145,7 +145,7 @@ class AngleProblem(Explained):
             evidence.curve_sigma_deg.size,
             1,
             of_known.shape[1],
-            of_known.shape[0],
+            of_known.shape[0] if bench.noise.fixture.mark_deg else 0,
             1 if fixture is not None and passing else 0,
             len(self._loops) * (int(self.after.max()) + 1),
             1 if slips else 0,
@@ -177,11 +177,11 @@ class AngleProblem(Explained):
             self.variance[self.trends[:4]] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])
         self.variance[self.late] = SETTINGS.angle_late_s**2
         # Both ways through a calibration, and a later one, share it: nothing there tells of it.
-        self.variance[self.marks] = SETTINGS.dwell_error_deg**2
+        self.variance[self.marks] = bench.noise.fixture.mark_deg**2
         self.variance[self.arrived] = _ARRIVED**2
         if slips:
             self.variance[self.walk] = LIBRARY[slips].parameters[0].at(evidence.reach).spread ** 2
-        known_angles = np.hstack([of_known, np.eye(self.marks.size)])
+        known_angles = np.hstack([of_known, np.eye(of_known.shape[0], self.marks.size)])
         self._made_of = block_diag(np.eye(self.curve.size), known_angles)
         self._still = self._of_calibrations()
 
@@ -294,6 +294,7 @@ class AngleProblem(Explained):
         evidence, after = self.evidence, self.evidence.drift_after
         assert evidence.fixture is not None
         out[:, self.dwells] = evidence.fixture.drifted
+        out[:, self.marks] = evidence.fixture.misread_later[:, : self.marks.size]
         if self.calibrated.later:
             out[:, self.curve] = curve_columns(evidence.drift_angle_deg)
         if self.walk.size:

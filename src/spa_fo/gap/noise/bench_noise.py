@@ -22,7 +22,7 @@ from spa_fo.gap.noise.coloured import (
     estimate,
     scatter,
 )
-from spa_fo.gap.noise.dwell_error import dwell_error
+from spa_fo.gap.noise.dwell_error import DwellError, dwell_error
 from spa_fo.gap.noise.order import OF_GAIN, OF_ZERO, of_order
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import USUAL_DEG
@@ -49,13 +49,12 @@ class BenchNoise:
 
     spectrum: Spectrum  # within a trial
     scatter: Scatter  # from trial to trial
-    fixture_deg: float | None  # error of a dwell's known angle; None where nothing says it
+    fixture: DwellError  # of the calibration
     compared: bool = False  # whether a reference says what is to be expected
     foreseen_deg: float = 0.0  # how well it does where it does best, 1 sigma
     moving_nats: float = 0.0  # log evidence, of repeats alone, that zeros move and do not scatter
     zeros_deg: Floats | None = None  # (trials,): how they are expected to go with their order
     gains: Floats | None = None  # (trials,): the same of their gains
-    fixture_told: float = 0.0  # degrees of freedom that say the fixture's error
 
     def expected(self, trial: Integers) -> tuple[Floats, Floats]:
         """Give by how much gains and zeros (deg) of these trials go with the trials' order."""
@@ -102,8 +101,9 @@ class BenchNoise:
             text += f" Beside that gain goes with their order, by {100.0 * apart:.2g} % in all."
         if not self.is_ordinary:
             text += " Trials of no ordinary bench differ by so much: something varies between them."
-        if self.fixture_deg is not None:
-            text += f" The calibration's known angles err by about {self.fixture_deg:.2g}°."
+        if self.fixture.deg is not None:
+            text += f" The calibration's known angles err by about {self.fixture.deg:.2g}°"
+            text += " from dwell to dwell." if self.fixture.mark_deg else "."
         return text
 
 
@@ -190,16 +190,15 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
         largest_deg = evidence.reach.angle * USUAL_DEG
         gains = of_order(differences, spectrum, OF_GAIN, largest_deg)[1] / largest_deg
     scattered = scatter(differences, spectrum, TYPICAL, zeros_deg, gains)
-    fixture_deg, told = dwell_error(evidence.data.calibrations)
+    fixture = dwell_error(evidence.data.calibrations)
     if beyond is None:
         return BenchNoise(
             spectrum,
             scattered,
-            fixture_deg,
+            fixture,
             moving_nats=nats,
             zeros_deg=zeros_deg,
             gains=gains,
-            fixture_told=told,
         )
     own = Spectrum(evidence.noise_deg**2, np.zeros(CORRELATION_S.size))
     if not beyond.repeats:
@@ -207,8 +206,7 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     else:  # a reading that came off in one of them is no noise
         scattered = beyond.scatter
     foreseen = own.beside(beyond.angle)
-    known = fixture_deg, True, beyond.angle_deg
-    return BenchNoise(foreseen, scattered, *known, fixture_told=told)
+    return BenchNoise(foreseen, scattered, fixture, compared=True, foreseen_deg=beyond.angle_deg)
 
 
 def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Differences | None:
