@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from spa_fo.gap.answer.causes import _stood
-from spa_fo.gap.claim.claimed import CLEARLY, Claim, held_to, times_expected, too_large_for_none
+from spa_fo.gap.claim.claimed import (
+    CLEARLY,
+    Claim,
+    held_to,
+    times_expected,
+    too_large_for_none,
+    too_small_for_any,
+)
 from spa_fo.gap.claim.expected import (
     SURELY,
     beyond_expected,
@@ -25,7 +32,9 @@ from spa_fo.gap.diagnose import _alone_does
 from spa_fo.gap.diagnosis import LawFound
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.coloured import Scatter, Spectrum
+from spa_fo.gap.noise.dwell_error import DwellError
 from spa_fo.gap.places.missing import Missing
+from spa_fo.gap.settings import SETTINGS
 
 Ids = tuple[str, ...]
 NOT_READ = cast(Any, None)
@@ -169,6 +178,21 @@ def test_a_gap_beyond_all_that_is_expected_is_none_of_it() -> None:
     assert too_large_for_none(cause) == cause
 
 
+def test_a_gap_that_is_hardly_more_than_repeats_differ_by_is_none() -> None:
+    cause = answer({("creep",): 0.6, ("leak", "creep"): 0.2, (): 0.1}, 0.1)
+    border = np.hypot(1.0, SETTINGS.no_gap) * 0.5
+    assert too_small_for_any(cause, 1.01 * border, 0.5) == cause
+    found = too_small_for_any(cause, 0.99 * border, 0.5)
+    # The pressure tells a drive.
+    assert (found.kind, found.none, found.unknown) == ("no_gap", pytest.approx(0.7), 0.1)
+    assert found.of(("leak", "creep")).probability == 0.2
+    for name in ("leak", "sensor_slip", "mains_pickup"):
+        stays = answer({(name,): 0.6, ("creep",): 0.1, (): 0.2}, 0.1)
+        assert too_small_for_any(stays, 0.4, 0.5).sets == ((name,),)
+    unknown = answer({("creep",): 0.2, (): 0.1}, 0.7)
+    assert too_small_for_any(unknown, 0.4, 0.5) == unknown
+
+
 def test_what_closes_a_gap_that_is_too_large_for_none_is_a_part() -> None:
     none = answer({(): 0.9, ("creep",): 0.05}, 0.05)
     part = claims({("creep",): 0.9})
@@ -225,8 +249,9 @@ def test_without_a_calibration_a_sensor_s_effect_is_a_part_of_what_is_unknown() 
 def examined(repeats: int, response: Any = None, fixture: Any = None) -> Any:
     """A trial that reads 10° throughout, with a noise floor of 0.3°."""
     grid = SimpleNamespace(angle_deg=np.full(50, 10.0), counts=np.ones(50))
-    scales = np.array([0.0, 0.0, 0.0, 0.4, 0.0, 0.0])
-    noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=repeats))
+    scales = np.array([0.0, 0.0, 0.0, 0.32, 0.0, 0.0])
+    dwells = DwellError(0.32, 9.0, 0.24)
+    noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=repeats), fixture=dwells)
     coefficients = SimpleNamespace(response=response)
     bench = SimpleNamespace(noise=noise, scales=scales, coefficients=coefficients)
     everything = SimpleNamespace(grid=grid, noise_deg=0.0, fixture=fixture)

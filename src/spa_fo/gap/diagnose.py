@@ -27,6 +27,7 @@ from spa_fo.gap.claim.claimed import (
     on_all_trials,
     times_expected,
     too_large_for_none,
+    too_small_for_any,
 )
 from spa_fo.gap.claim.expected import (
     beyond_expected,
@@ -37,6 +38,7 @@ from spa_fo.gap.claim.expected import (
     unnamed,
     with_equivalents,
 )
+from spa_fo.gap.data.evidence import noise_floor
 from spa_fo.gap.data.hold_out import rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
 from spa_fo.gap.decide.explanation import Explanation
@@ -222,6 +224,11 @@ def _answered(
         too_large = times_expected(examined, claimed.curves["plain"]) > CLEARLY
         if too_large or not examined.found.bench.noise.is_ordinary:
             verdict = too_large_for_none(verdict)
+        if examined.found.bench.noise.spectrum.repeats:
+            # By how much a set lets repeats differ is no floor.
+            explained = noise_floor(examined.everything, claimed.curves["explained"])
+            floor_deg = min(examined.floor_deg, explained)
+            verdict = too_small_for_any(verdict, _gap_deg(examined, claimed), floor_deg)
     else:
         verdict = alone_if_rare(verdict)
         size, expected = differs(examined.everything, claimed.curves["plain"], beyond)

@@ -225,6 +225,35 @@ def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdic
     return replace(again, sets=tuple(parts))
 
 
+def too_small_for_any(verdict: Verdict, gap_deg: float, floor_deg: float) -> Verdict:
+    """Take sets for no gap where the plain model misses hardly more than repeats differ by.
+
+    A drive stands, which the pressure tells; so does what makes repeats differ, which is in the
+    floor: an interference, and zeros that move.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        The answer.
+    gap_deg, floor_deg : float
+        RMS of what the plain model misses, and of what repeats differ by.
+    """
+    least = float(np.hypot(1.0, SETTINGS.no_gap)) * floor_deg
+    if verdict.kind not in ("cause", "ambiguous") or gap_deg >= least:
+        return verdict
+    within = {s.named for s in verdict.scored if s.named and not any(map(_beyond_floor, s.named))}
+    lost = sum(s.probability for s in verdict.scored if s.named in within)
+    scored = [replace(s, probability=0.0) if s.named in within else s for s in verdict.scored]
+    scored = [s if s.named else replace(s, probability=s.probability + lost) for s in scored]
+    scored.sort(key=lambda s: -s.probability)
+    return judge(scored, verdict.unknown, verdict.unknown_drive)
+
+
+def _beyond_floor(name: str) -> bool:
+    """Whether an effect shows though the angle differs by no more than in repeats."""
+    return LIBRARY[name].stage == "drive" or LIBRARY[name].port in ("zeros", "line")
+
+
 def times_expected(examined: Examined, plain_deg: Floats) -> float:
     """Give the RMS of the whole gap over what is expected of it without any effect.
 
