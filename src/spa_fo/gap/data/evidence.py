@@ -13,7 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, Reach
-from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SLOPES, CURVE_SPLINES
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SPLINES
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.stages import true_pressure
@@ -157,9 +157,7 @@ def same_course(one: Floats, other: Floats) -> bool:
 
 def curve_columns(angle_deg: Floats) -> Floats:
     """Give what a unit error of the sensor curve at each knot but 0° makes, (n, knots)."""
-    inside = np.clip(angle_deg, CURVE_KNOTS_DEG[0], CURVE_KNOTS_DEG[-1])
-    slope = np.where((angle_deg < inside)[:, None], *CURVE_SLOPES[:, None])
-    return np.asarray(CURVE_SPLINES(inside) + slope * (angle_deg - inside)[:, None])
+    return np.asarray(CURVE_SPLINES(angle_deg))
 
 
 def _curve_sigma(calibration: Calibration | None, loop: bool = True) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Effect, Parameter, amplitude
-from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SLOPES, CURVE_SPLINES, Floats
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SPLINES, Floats
 
 
 def _error_at(angle: float) -> Parameter:
@@ -27,24 +27,21 @@ EFFECT = Effect(
     shown_in=("levels",),
 )
 
-_KNOTS = np.array(CURVE_KNOTS_DEG)
-_CUBICS = np.ascontiguousarray(CURVE_SPLINES.c)  # (4, intervals, offsets)
+_STARTS = CURVE_SPLINES.x[:-1]
+_CUBICS = np.ascontiguousarray(CURVE_SPLINES.c)  # (4, pieces, offsets)
 
 
 @njit
 def bend_curve(y: Floats, offsets: Floats) -> None:
     """Add the curve's error, a spline through its knots, straight beyond them."""
-    last = _KNOTS.size - 1
-    cubics = np.zeros((last, 4))
-    for j in range(last):
+    cubics = np.zeros((_STARTS.size, 4))
+    for piece in range(_STARTS.size):
         for power in range(4):
-            cubics[j, power] = np.sum(_CUBICS[power, j] * offsets)
-    low, high = np.sum(CURVE_SLOPES[0] * offsets), np.sum(CURVE_SLOPES[1] * offsets)
+            cubics[piece, power] = np.sum(_CUBICS[power, piece] * offsets)
     for i in range(y.size):
-        inside = min(max(y[i], _KNOTS[0]), _KNOTS[last])
-        j = 1
-        while j < last and inside > _KNOTS[j]:
-            j += 1
-        a, b, c, d = cubics[j - 1]
-        t, beyond = inside - _KNOTS[j - 1], y[i] - inside
-        y[i] += ((a * t + b) * t + c) * t + d + (low if beyond < 0.0 else high) * beyond
+        piece = 0
+        while piece + 1 < _STARTS.size and y[i] > _STARTS[piece + 1]:
+            piece += 1
+        a, b, c, d = cubics[piece]
+        t = y[i] - _STARTS[piece]
+        y[i] += ((a * t + b) * t + c) * t + d

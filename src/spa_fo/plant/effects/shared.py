@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Parameter, amplitude, lateness, shape, share
@@ -18,12 +18,26 @@ Integers = NDArray[np.int64]
 CURVE_KNOTS_DEG = (-10.0, 0.0, 12.0, 24.0, 36.0, 48.0, 60.0, 75.0, 90.0)
 """Angles through which an unknown sensor curve is drawn, a natural cubic spline; right at 0°."""
 _ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
-CURVE_SPLINES = CubicSpline(
-    CURVE_KNOTS_DEG, np.delete(np.eye(len(CURVE_KNOTS_DEG)), _ZERO_KNOT, axis=1), bc_type="natural"
+
+
+def _straight_beyond(spline: CubicSpline) -> PPoly:
+    """Let a natural spline go on straight beyond its ends, where it is not bent."""
+    ends = spline.x[[0, -1]]
+    (low, high), slopes = spline(ends), spline(ends, 1)
+    none = np.zeros_like(low)
+    before, after = (none, none, slopes[0], low - slopes[0]), (none, none, slopes[1], high)
+    pieces = np.concatenate([[before], spline.c.swapaxes(0, 1), [after]])
+    return PPoly(pieces.swapaxes(0, 1), np.array([ends[0] - 1.0, *spline.x, ends[1] + 1.0]))
+
+
+CURVE_SPLINES = _straight_beyond(
+    CubicSpline(
+        CURVE_KNOTS_DEG,
+        np.delete(np.eye(len(CURVE_KNOTS_DEG)), _ZERO_KNOT, axis=1),
+        bc_type="natural",
+    )
 )
-"""Of a unit error at each knot but 0°, from the first knot to the last."""
-CURVE_SLOPES = CURVE_SPLINES([CURVE_KNOTS_DEG[0], CURVE_KNOTS_DEG[-1]], 1)
-"""Slopes of those at the first knot and at the last: beyond them they go on straight."""
+"""What a unit error of an unknown sensor curve at each knot but 0° makes of it."""
 CREEP_TIMES_S = np.logspace(-1.0, 3.5, 10)  # two a decade
 MOMENTS = tuple(np.linspace(0.02, 0.98, 49).tolist())  # a score test looks at each
 _DECADE = 0.5  # of creep time that one element stands for
