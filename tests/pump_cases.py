@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 import campaigns
-from spa_fo.virtual_rig.actuator import ContactStop, FractionalCore, SoftActuator
+from spa_fo.virtual_rig.actuator import FractionalCore, SoftActuator
+from spa_fo.virtual_rig.first_forms import ContactStop
 from spa_fo.virtual_rig.syringe_pump import SyringePump
 
 REFERENCE_KPA = 40.0

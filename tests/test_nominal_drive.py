@@ -25,7 +25,7 @@ from spa_fo.identify.predict import predict_campaign
 from spa_fo.plant.memory import FINEST_STEP_S
 from spa_fo.plant.nominal_drive import KEY, NominalDrive, driven_by, follow
 from spa_fo.rig import CampaignData, Trial
-from spa_fo.virtual_rig.actuator import ContactStop
+from spa_fo.virtual_rig.first_forms import ContactStop
 from spa_fo.virtual_rig.syringe_pump import DeadTime, Leak
 
 PLAIN = NominalDrive(np.array([0.0, 10.0]), np.array([0.0, 50.0]), np.array([2.0, 2.0]))

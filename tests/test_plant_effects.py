@@ -16,7 +16,7 @@ from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, 
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.searched import at_rate
-from spa_fo.plant.chain import Chain, Memory, Usual, chain_for, static_gain
+from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import CONTRACT, IDS, LIBRARY, absent
@@ -26,6 +26,7 @@ from spa_fo.plant.effects.stiffening import stiffening_moment
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.lost_rows import command_times
 from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S, contour_for
+from spa_fo.plant.specimen import Memory
 from spa_fo.rig import Trial
 
 CELL = 20  # milliseconds

@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 from plant_cases import KPA, X, step_release, trials, vector
-from spa_fo.plant.chain import Memory, Mounting, chain_for
+from spa_fo.plant.chain import chain_for
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.monotone import monotone_at, monotone_slopes
+from spa_fo.plant.specimen import Memory, Mounting
 
 KNOWN = np.arange(0.0, 91.0, 15.0)
 BIAS = np.array([1.4, 0.5, 0.1, -0.1, -0.3, -1.0, -2.9])

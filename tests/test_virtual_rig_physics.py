@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import naive_virtual_rig as naive
 from spa_fo.virtual_rig import actuator as act
 from spa_fo.virtual_rig import converter as conv
+from spa_fo.virtual_rig import first_forms as first
 from spa_fo.virtual_rig import flex_sensor as flex
 from spa_fo.virtual_rig import syringe_pump as pump
 from spa_fo.virtual_rig.actuators import DRAGON_SKIN_20_CORE, FX_PRO_CORE, PLANS, REFERENCE_KPA
@@ -38,13 +39,13 @@ TYPICAL = {
     "leak": pump.Leak(0.004),
     "slew_limit": pump.SlewLimit(60.0),
     "drive_backlash": pump.DriveBacklash(2.0),
-    "stiffening": act.Stiffening(250.0),
-    "gravity_load": act.GravityLoad(0.05),
-    "contact_stop": act.ContactStop(50.0, 5.0),
-    "mullins_softening": act.MullinsSoftening(0.08),
-    "creep": act.Creep(0.02),
-    "hysteresis": act.Hysteresis(2.0),
-    "thermal_drift": act.ThermalDrift(0.1),
+    "stiffening": first.Stiffening(250.0),
+    "gravity_load": first.GravityLoad(0.05),
+    "contact_stop": first.ContactStop(50.0, 5.0),
+    "mullins_softening": first.MullinsSoftening(0.08),
+    "creep": first.Creep(0.02),
+    "hysteresis": first.Hysteresis(2.0),
+    "thermal_drift": first.ThermalDrift(0.1),
     "parameter_shift": act.ParameterShift(a0=1.1, b0=1.05),
     "sensor_nonlinearity": flex.SensorNonlinearity(3.0),
     "sensor_saturation": flex.SensorSaturation(50.0),
@@ -101,13 +102,16 @@ def test_a_finer_step_comes_closer_to_the_golden_step_response(golden_step):
     ("effect", "moment"),
     [
         ({}, lambda x, _: x),
-        ({"stiffening": act.Stiffening(120.0)}, lambda x, _: x / (1 - (x / np.deg2rad(120)) ** 2)),
         (
-            {"gravity_load": act.GravityLoad(0.2, 30.0)},
+            {"stiffening": first.Stiffening(120.0)},
+            lambda x, _: x / (1 - (x / np.deg2rad(120)) ** 2),
+        ),
+        (
+            {"gravity_load": first.GravityLoad(0.2, 30.0)},
             lambda x, _: x + 0.2 * (np.cos(np.pi / 6) - np.cos(np.pi / 6 + x)),
         ),
         (
-            {"contact_stop": act.ContactStop(40.0, 6.0)},
+            {"contact_stop": first.ContactStop(40.0, 6.0)},
             lambda x, _: x + 6.0 * max(x - np.deg2rad(40), 0.0) ** 1.5,
         ),
     ],
@@ -144,7 +148,7 @@ def test_friction_agrees_with_a_grunwald_letnikov_twin():
     twin = naive.fractional_actuator(
         load, step_s, (core.alpha2, core.alpha1), (1.0, core.a1), moment
     )
-    fast = angle_of(with_effect(hysteresis=act.Hysteresis(3.0, 6.0)), np.repeat(pressure, 5))
+    fast = angle_of(with_effect(hysteresis=first.Hysteresis(3.0, 6.0)), np.repeat(pressure, 5))
     np.testing.assert_allclose(fast[4::5], np.rad2deg(twin), atol=0.5)
 
 
@@ -237,7 +241,7 @@ def test_pump_effects_do_what_their_names_say():
 
 
 def test_the_stiffened_actuator_bends_less_and_proportionally_less_at_large_angles():
-    stiff = with_effect(stiffening=act.Stiffening(200.0))
+    stiff = with_effect(stiffening=first.Stiffening(200.0))
     share = [
         angle_of(stiff, np.full(20_000, kpa))[-1]
         / angle_of(with_effect(), np.full(20_000, kpa))[-1]
@@ -247,7 +251,7 @@ def test_the_stiffened_actuator_bends_less_and_proportionally_less_at_large_angl
 
 
 def test_softening_makes_later_loadings_larger_and_saturates():
-    run = with_effect(mullins_softening=act.MullinsSoftening(0.08)).begin(STEP_S)
+    run = with_effect(mullins_softening=first.MullinsSoftening(0.08)).begin(STEP_S)
     load = np.repeat([50.0, 0.0], [10_000, 60_000])
     reached = [run(load)[9_999] for _ in range(6)]
     gains = np.diff(reached)
@@ -256,7 +260,7 @@ def test_softening_makes_later_loadings_larger_and_saturates():
 
 
 def test_creep_goes_on_under_load_and_recovers_at_rest():
-    run = with_effect(creep=act.Creep(0.02)).begin(STEP_S)
+    run = with_effect(creep=first.Creep(0.02)).begin(STEP_S)
     held = run(np.full(120_000, 50.0))
     assert held[-1] > held[30_000] + 0.3
     rested = run(np.zeros(600_000))
@@ -266,13 +270,13 @@ def test_creep_goes_on_under_load_and_recovers_at_rest():
 
 def test_friction_leaves_a_remnant_angle():
     vented = np.repeat([50.0, 0.0], [10_000, 60_000])
-    remnant = angle_of(with_effect(hysteresis=act.Hysteresis(2.0)), vented)[-1]
+    remnant = angle_of(with_effect(hysteresis=first.Hysteresis(2.0)), vented)[-1]
     plain = angle_of(with_effect(), vented)[-1]
     assert remnant - plain > 0.5
 
 
 def test_drift_grows_with_campaign_time_only():
-    actuator = with_effect(thermal_drift=act.ThermalDrift(0.1))
+    actuator = with_effect(thermal_drift=first.ThermalDrift(0.1))
     early = actuator.begin(STEP_S, 0.0)(np.full(20_000, 50.0))[-1]
     late = actuator.begin(STEP_S, 3600.0)(np.full(20_000, 50.0))[-1]
     assert late / early == pytest.approx(1.1, abs=1e-6)

@@ -14,10 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from spa_fo import Campaign, Diagnosis
-from spa_fo.virtual_rig.actuator import SoftActuator, Stiffening
+from spa_fo.virtual_rig.actuator import SoftActuator
 from spa_fo.virtual_rig.actuators import DRAGON_SKIN_20, DRAGON_SKIN_20_CORE, REFERENCE_KPA
 from spa_fo.virtual_rig.bench import Scatter, Specimen
 from spa_fo.virtual_rig.campaign_writer import write_campaign
+from spa_fo.virtual_rig.first_forms import Stiffening
 from spa_fo.virtual_rig.flex_sensor import FlexSensor
 from spa_fo.virtual_rig.syringe_pump import SyringePump
 

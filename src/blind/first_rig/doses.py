@@ -16,6 +16,7 @@ from blind.first_rig import measured_effects as measured
 from blind.first_rig.foreign_effects import FOREIGN_EFFECTS, place
 from spa_fo.virtual_rig import actuator as act
 from spa_fo.virtual_rig import converter as conv
+from spa_fo.virtual_rig import first_forms as first
 from spa_fo.virtual_rig import flex_sensor as flex
 from spa_fo.virtual_rig import second_forms as second
 from spa_fo.virtual_rig import second_moments as moments
@@ -113,17 +114,17 @@ def _slew_limit(rng: np.random.Generator) -> _Drawn:
 
 def _stiffening(_: np.random.Generator) -> _Drawn:
     # The amplitude is the relative excess of stiffness that the squared angle makes at 60°.
-    return lambda x: act.Stiffening(60.0 / float(np.sqrt(x))), 0.06, 0.8
+    return lambda x: first.Stiffening(60.0 / float(np.sqrt(x))), 0.06, 0.8
 
 
 def _gravity_load(rng: np.random.Generator) -> _Drawn:
     mounting_deg = rng.uniform(0.0, 90.0)
-    return lambda x: act.GravityLoad(x, mounting_deg), 0.05, 1.0
+    return lambda x: first.GravityLoad(x, mounting_deg), 0.05, 1.0
 
 
 def _contact_stop(rng: np.random.Generator) -> _Drawn:
     angle_deg = rng.uniform(32.0, 45.0)
-    return lambda x: act.ContactStop(angle_deg, x), 2.0, 100.0
+    return lambda x: first.ContactStop(angle_deg, x), 2.0, 100.0
 
 
 def _mullins_softening(
@@ -132,23 +133,23 @@ def _mullins_softening(
     span_deg = rng.uniform(65.0, 85.0)
     break_s = _log_uniform(rng, 8.0, 20.0)
     heal_s = _log_uniform(rng, 1e4, 4e4)
-    return lambda x: act.MullinsSoftening(x, span_deg, break_s, heal_s), 0.08, 0.8
+    return lambda x: first.MullinsSoftening(x, span_deg, break_s, heal_s), 0.08, 0.8
 
 
 def _creep(rng: np.random.Generator) -> _Drawn:
     factor = _log_uniform(rng, 0.6, 1.6)
     times_s = (3.0 * factor, 15.0 * factor, 75.0 * factor)
-    return lambda x: act.Creep(x, times_s), 0.02, 0.2
+    return lambda x: first.Creep(x, times_s), 0.02, 0.2
 
 
 def _hysteresis(rng: np.random.Generator) -> _Drawn:
     yield_deg = rng.uniform(12.0, 25.0)
-    return lambda x: act.Hysteresis(x, yield_deg), 2.0, 15.0
+    return lambda x: first.Hysteresis(x, yield_deg), 2.0, 15.0
 
 
 def _thermal_drift(rng: np.random.Generator) -> _Drawn:
     sign = _sign(rng)
-    return lambda x: act.ThermalDrift(float(np.expm1(sign * x))), 0.1, 1.0
+    return lambda x: first.ThermalDrift(float(np.expm1(sign * x))), 0.1, 1.0
 
 
 def _parameter_shift(rng: np.random.Generator) -> _Drawn:

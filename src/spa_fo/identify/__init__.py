@@ -1,6 +1,7 @@
 """From trials to a model: protocol, swarm, optimum, uncertainty, ablation."""
 
-from spa_fo.identify.ablation import AblationOptions, AblationVerdict, ablate, ablation_verdict
+from spa_fo.identify.ablation import AblationOptions, ablate
+from spa_fo.identify.ablation_verdict import AblationVerdict, ablation_verdict
 from spa_fo.identify.bounds import (
     Bounds,
     free_bounds,

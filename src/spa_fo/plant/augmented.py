@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
-from spa_fo.plant.chain import Chain, Memory, Mounting, chain_for
+from spa_fo.plant.chain import Chain, chain_for
 from spa_fo.plant.effects.effect import Effect, Parameter
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.law import LAW, Law, law_of
 from spa_fo.plant.lawful import TooSteep, with_law
 from spa_fo.plant.model_file import Model
+from spa_fo.plant.specimen import Memory, Mounting
 from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import Campaign, CampaignData, Trial
 from spa_fo.validation import suggestion

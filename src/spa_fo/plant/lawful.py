@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
-from spa_fo.plant.chain import Chain, Memory
+from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.own import acting
 from spa_fo.plant.law import Law, Past
 from spa_fo.plant.law_kernel import DAMPING, MOMENT, RELAXATION, follow
 from spa_fo.plant.memory import STEPS_S, rises
+from spa_fo.plant.specimen import Memory
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -10,7 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from spa_fo.identify.ablation import ALL, nearest_datasets
+from spa_fo.identify.ablation import ALL
+from spa_fo.identify.ablation_verdict import nearest_datasets
 from spa_fo.plant.estimates import QUANTITIES
 from spa_fo.plant.paper import DATASETS, POINTS
 from spa_fo.report.figures import QUANTITY_NAMES

@@ -33,15 +33,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import radians
 
-from spa_fo.virtual_rig.actuator import (
-    Creep,
-    FractionalCore,
-    Hysteresis,
-    MullinsSoftening,
-    SoftActuator,
-    Stiffening,
-)
+from spa_fo.virtual_rig.actuator import FractionalCore, SoftActuator
 from spa_fo.virtual_rig.bench import Scatter, Specimen
+from spa_fo.virtual_rig.first_forms import Creep, Hysteresis, MullinsSoftening, Stiffening
 from spa_fo.virtual_rig.flex_sensor import FlexSensor, SensorHysteresis, SensorSlip
 from spa_fo.virtual_rig.protocols import Profile, hold, staircase, step_release, triangle
 from spa_fo.virtual_rig.syringe_pump import LineLag, SlewLimit, SupplyDroop, SyringePump

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from spa_fo.plant.chain import Mounting, log_delays
+from spa_fo.plant.chain import log_delays
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.shared import CREEP_TIMES_S
 from spa_fo.plant.memory import STEPS_S
+from spa_fo.plant.specimen import Mounting
 from spa_fo.plant.stages import felt_angle
 from spa_fo.rig import Calibration, Dwell
 

@@ -13,10 +13,10 @@ from spa_fo.gap.decide.verdict import Scored
 from spa_fo.gap.search.drive import DriveFit
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.plant import PARAMETERS, Model, TransferFunction
-from spa_fo.plant.chain import Mounting
 from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 from spa_fo.plant.law import Law
 from spa_fo.plant.lawful import with_law
+from spa_fo.plant.specimen import Mounting
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]

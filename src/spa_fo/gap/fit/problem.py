@@ -25,9 +25,9 @@ from spa_fo.gap.fit.mixed import WEAK
 from spa_fo.gap.noise.order import trend_shapes
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.chain import Mounting
 from spa_fo.plant.effects.effect import PASSING
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
+from spa_fo.plant.specimen import Mounting
 from spa_fo.plant.stages import felt_angle
 
 Floats = NDArray[np.float64]

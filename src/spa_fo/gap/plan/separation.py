@@ -24,10 +24,10 @@ from spa_fo.gap.noise.bench_noise import TYPICAL
 from spa_fo.gap.plan.profiles import Profile
 from spa_fo.gap.plan.rivals import Rival
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.chain import Memory
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
+from spa_fo.plant.specimen import Memory
 from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
