@@ -19,7 +19,7 @@ SAMPLES = 80
 FLOOR = 0.5
 
 
-def measured(errors: dict[str, np.ndarray], trials: int) -> Shrink:
+def measured(errors: dict[str, np.ndarray], trials: int, line_deg: float = 0.0) -> Shrink:
     """Shrink of `trials` held-out trials whose models miss a measured zero by `errors`."""
     trial = np.repeat(np.arange(trials), SAMPLES)
     grid = SimpleNamespace(
@@ -29,7 +29,7 @@ def measured(errors: dict[str, np.ndarray], trials: int) -> Shrink:
         time_s=np.tile(np.linspace(0.0, 8.0, SAMPLES), trials),
     )
     rows = [np.flatnonzero(trial == i) for i in range(trials)]
-    evidence: Any = SimpleNamespace(grid=grid, noise_deg=0.0, rows=rows)
+    evidence: Any = SimpleNamespace(grid=grid, noise_deg=0.0, rows=rows, line_deg=line_deg)
     curves = {"refit": errors["plain"], "ceiling": errors["explained"]} | errors
     held = HeldOut(np.ones(trials, dtype=bool), "all")
     return shrink(evidence, held, curves, FLOOR, np.random.default_rng(1))
@@ -43,6 +43,12 @@ def test_the_fraction_is_that_of_the_squares_above_the_floor() -> None:
     found = measured({"plain": missing(2, 2, 2), "explained": missing(1, 1, 1)}, 3)
     assert found.fraction_closed == pytest.approx(1 - (1 - FLOOR**2) / (4 - FLOOR**2))
     assert (found.before_rmse_deg, found.after_rmse_deg) == (2.0, 1.0)
+
+
+def test_an_interference_is_in_every_error_and_does_not_close() -> None:
+    found = measured({"plain": missing(2, 2, 2), "explained": missing(1, 1, 1)}, 3, line_deg=3.0)
+    assert (found.before_rmse_deg, found.after_rmse_deg) == pytest.approx((13**0.5, 10**0.5))
+    assert found.fraction_closed == pytest.approx(1 - (10 - FLOOR**2) / (13 - FLOOR**2))
 
 
 def test_no_interval_goes_beyond_all_of_the_gap() -> None:
@@ -64,6 +70,7 @@ def test_errors_are_of_single_samples_their_white_noise_included() -> None:
             time_s=np.arange(5.0),
         ),
         noise_deg=noise,
+        line_deg=0.0,
         rows=[np.array([0, 1]), np.array([2, 3, 4])],
     )
     held = HeldOut(np.ones(2, dtype=bool), "all")

@@ -10,7 +10,7 @@ import pytest
 import campaigns
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
-from spa_fo.gap.noise.interference import Line, fast_line, slow_line
+from spa_fo.gap.noise.interference import Line, fast_line, slow_line, without_lines
 from spa_fo.gap.noise.whitening import Whitening, lay_rows
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.rig import CampaignData, read_campaign, read_trials
@@ -117,3 +117,21 @@ def test_white_noise_of_another_level_is_no_line(clean: CampaignData) -> None:
         for trial in clean.trials
     )
     assert fast_line(collect(replace(clean, trials=louder))).gain < SETTINGS.line_nats
+
+
+@pytest.mark.parametrize("hz", [8.0, 20.3])
+def test_lines_are_taken_off_and_leave_what_was_there(hz: float, clean: CampaignData) -> None:
+    """With a harmonic, and a phase of its own in every trial."""
+    before = collect(clean)
+    loud = hummed(hummed(clean, hz, 2.0), 0.51 * hz, 0.6)
+    found = without_lines(collect(loud))
+    assert found.line_deg == pytest.approx(np.hypot(2.0, 0.6) / np.sqrt(2.0), rel=0.05)
+    assert found.noise_deg == pytest.approx(before.noise_deg, rel=0.2)
+    assert collect(loud).noise_deg > 3.0 * before.noise_deg
+    left = found.grid.angle_deg - before.grid.angle_deg
+    assert np.sqrt(np.mean(left**2)) < 0.3 * before.noise_deg + 0.03
+
+
+def test_nothing_is_taken_off_where_there_is_no_line(clean: CampaignData) -> None:
+    evidence = collect(clean)
+    assert without_lines(evidence) is evidence

@@ -10,14 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from spa_fo.gap.noise import order as room
 from spa_fo.gap.noise.coloured import Averages, Differences, Scatter, Spectrum, contrasts, scatter
 from spa_fo.gap.noise.order import OF_GAIN, OF_ZERO, jumps, of_order, trends
+from spa_fo.gap.settings import SETTINGS
 
 Floats = NDArray[np.float64]
 Zeros = tuple[Floats, Floats, Floats]
+ORDINARY_DEG = 0.2
 
 
 def between(experiments: list[list[int]], trials: int) -> Floats:
@@ -38,6 +40,13 @@ def seen(zeros: Floats, repeats: int, error_deg: float = 0.01) -> Zeros:
     return every @ zeros, np.full(len(every), error_deg**2), every
 
 
+def beforehand(scatters: Floats) -> Floats:
+    """Weigh scatters alike up to an ordinary one, as half a bell over their logarithm beyond."""
+    bell = norm(0.0, np.log(SETTINGS.most_scatter) / 2.0)
+    weights = np.array([bell.pdf(max(np.log(one / ORDINARY_DEG), 0.0)) for one in scatters])
+    return np.asarray(np.log(weights / weights.sum()))
+
+
 def plain_twin(zeros: Zeros, shifts: Floats, walks: Floats, scatters: Floats) -> float:
     """Weigh every hypothesis by the density of the contrasts under it."""
     values, variance, contrasts = zeros
@@ -52,9 +61,9 @@ def plain_twin(zeros: Zeros, shifts: Floats, walks: Floats, scatters: Floats) ->
         return float(multivariate_normal(mean, own).logpdf(values))
 
     still, moving = [], []
-    for size in scatters:
+    for size, weight in zip(scatters, beforehand(scatters), strict=True):
         base = size**2 * (np.eye(trials) + 9.0 * trend @ trend.T)
-        still.append(log(base))
+        still.append(weight + log(base))
         once = [base + s**2 * np.outer(h, h) for s in shifts for h in after]
         twice = [
             base + s**2 * (np.outer(h, h) + np.outer(g, g))
@@ -65,8 +74,8 @@ def plain_twin(zeros: Zeros, shifts: Floats, walks: Floats, scatters: Floats) ->
         walk = [base + w**2 * sum(np.outer(h, h) for h in after) for w in walks]
         for hypotheses in (once, twice, walk):
             logs = [log(np.asarray(covariance)) for covariance in hypotheses]
-            moving.append(float(logsumexp(logs)) - np.log(len(logs)))
-    return float(logsumexp(moving) - np.log(len(moving)) - logsumexp(still) + np.log(len(still)))
+            moving.append(weight + float(logsumexp(logs)) - np.log(len(logs)))
+    return float(logsumexp(moving) - np.log(3) - logsumexp(still))
 
 
 @pytest.mark.parametrize("jump_deg", [0.0, 1.5])
@@ -78,7 +87,7 @@ def test_the_evidence_is_that_of_every_hypothesis_written_out(
     for name, values in zip(("_SHIFT_DEG", "_WALK_DEG", "_SCATTER_DEG"), few, strict=True):
         monkeypatch.setattr(room, name, values)
     zeros = seen(0.2 * rng.normal(size=8) + jump_deg * (np.arange(8) >= 5), 4)
-    assert jumps(*zeros)[0] == pytest.approx(plain_twin(zeros, *few), abs=1e-8)
+    assert jumps(*zeros, ORDINARY_DEG)[0] == pytest.approx(plain_twin(zeros, *few), abs=1e-8)
 
 
 @settings(max_examples=25, deadline=None)
@@ -89,14 +98,15 @@ def test_scatter_and_trends_are_no_jumps(
     rng = np.random.default_rng(seed)
     place = np.arange(15) / 15
     zeros = scatter * (rng.normal(size=15) + linear * place + early * np.exp(-6.0 * place))
-    assert jumps(*seen(zeros, 5))[0] < 7.0
+    assert jumps(*seen(zeros, 5), ORDINARY_DEG)[0] < 7.0
 
 
 def is_found(weigh: Callable[..., tuple[float, Floats]], truth: Floats) -> None:
     """Zeros that go with the order are told from scatter, and are what is expected then."""
     nats, left = [], []
     for seed in range(40):
-        one, found = weigh(*seen(truth + 0.2 * np.random.default_rng(seed).normal(size=15), 5))
+        zeros = truth + 0.2 * np.random.default_rng(seed).normal(size=15)
+        one, found = weigh(*seen(zeros, 5), ORDINARY_DEG)
         nats.append(one)
         left.append(np.std(found - truth) / np.std(truth))
     assert np.quantile(nats, 0.05) > 3.0
@@ -111,16 +121,14 @@ def test_a_jump_is_found_and_taken_off(at: int) -> None:
 
 def test_a_walk_is_found() -> None:
     rng = np.random.default_rng(5)
-    nats = [
-        jumps(*seen(np.cumsum(rng.normal(size=20)) + 0.1 * rng.normal(size=20), 5))[0]
-        for _ in range(20)
-    ]
+    walks = [np.cumsum(rng.normal(size=20)) + 0.1 * rng.normal(size=20) for _ in range(20)]
+    nats = [jumps(*seen(walk, 5), ORDINARY_DEG)[0] for walk in walks]
     assert np.median(nats) > 3.0
 
 
 def test_a_few_repeats_say_nothing() -> None:
     few = seen(np.array([0.0, 0.0, 9.0, 9.0]), 2)
-    nats, zeros = jumps(*few)
+    nats, zeros = jumps(*few, ORDINARY_DEG)
     assert nats == 0.0
     assert not zeros.any()
 
@@ -132,15 +140,15 @@ def trend_twin(zeros: Zeros, sizes: Floats, scatters: Floats) -> float:
     place = (np.arange(trials) + 0.5) / trials
     shapes = contrasts @ np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
     still, going = [], []
-    for size in scatters:
+    for size, weight in zip(scatters, beforehand(scatters), strict=True):
         own = np.diag(size**2 + variance)
         every = [0.0, *sizes]
         log, *logs = [
             multivariate_normal(np.zeros(len(own)), own + s**2 * shapes @ shapes.T).logpdf(values)
             for s in every
         ]
-        still.append(log)
-        going.append(float(logsumexp(logs)) - np.log(len(logs)))
+        still.append(weight + log)
+        going.append(weight + float(logsumexp(logs)) - np.log(len(logs)))
     return float(logsumexp(going) - logsumexp(still))
 
 
@@ -153,14 +161,14 @@ def test_the_evidence_of_a_trend_is_that_of_every_size_written_out(
     for name, values in zip(("_SHIFT_DEG", "_SCATTER_DEG"), few, strict=True):
         monkeypatch.setattr(room, name, values)
     zeros = seen(0.2 * rng.normal(size=8) + slope_deg * np.arange(8) / 8, 4)
-    assert trends(*zeros)[0] == pytest.approx(trend_twin(zeros, *few), abs=1e-8)
+    assert trends(*zeros, ORDINARY_DEG)[0] == pytest.approx(trend_twin(zeros, *few), abs=1e-8)
 
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0.05, 1.0))
 def test_scatter_is_no_trend(seed: int, scatter: float) -> None:
     zeros = scatter * np.random.default_rng(seed).normal(size=15)
-    assert trends(*seen(zeros, 5))[0] < 7.0
+    assert trends(*seen(zeros, 5), ORDINARY_DEG)[0] < 7.0
 
 
 def test_a_trend_is_found_and_taken_off() -> None:
@@ -191,8 +199,8 @@ def test_gains_and_zeros_that_go_with_the_order_are_found_apart_and_are_no_scatt
     risen = 2.0 * (np.arange(trials) >= 5) + 0.05 * rng.normal(size=trials)
     for gains, zeros in ((fallen, 0.05 * rng.normal(size=trials)), (0.0 * fallen, risen)):
         differences = repeated(gains, zeros, 5)
-        of_gain = of_order(differences, QUIET, OF_GAIN, 60.0)[1] / 60.0
-        of_zero = of_order(differences, QUIET, OF_ZERO)[1]
+        of_gain = of_order(differences, QUIET, OF_GAIN, 0.6, 60.0)[1] / 60.0
+        of_zero = of_order(differences, QUIET, OF_ZERO, ORDINARY_DEG)[1]
         assert np.std(of_gain - gains) < 0.012
         assert np.std(of_zero - zeros) < 0.12
         apart = scatter(differences, QUIET, USUAL, of_zero, of_gain)
@@ -206,6 +214,6 @@ def test_scatter_of_gains_stays_scatter() -> None:
     rng = np.random.default_rng(8)
     gains = 0.05 * rng.normal(size=15)
     differences = repeated(gains, np.zeros(15), 5)
-    found = of_order(differences, QUIET, OF_GAIN, 60.0)[1] / 60.0
+    found = of_order(differences, QUIET, OF_GAIN, 0.6, 60.0)[1] / 60.0
     assert np.std(found) < 0.02
     assert scatter(differences, QUIET, USUAL, None, found).gain == pytest.approx(0.045, rel=0.3)

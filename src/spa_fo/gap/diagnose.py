@@ -142,7 +142,11 @@ def diagnose(
     answer = _answered(data, plain, excluded, seed, progress, beyond)
     (examined, claimed, verdict), missing = _with_laws(answer, seed, progress)
     everything, floor, nominal = examined.everything, examined.floor_deg, examined.nominal
-    sizes = _gap_deg(examined, claimed), floor
+    # Repeats differ by an interference, too.
+    sizes = (
+        math.hypot(_gap_deg(examined, claimed), everything.line_deg),
+        math.hypot(floor, everything.line_deg),
+    )
     if beyond is not None:
         sizes = differs(everything, claimed.curves["plain"], beyond)
     noise, curves, measured = examined.found.bench.noise, claimed.curves, everything.grid.angle_deg

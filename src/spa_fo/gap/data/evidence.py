@@ -55,6 +55,7 @@ class Evidence:
     usual: Usual | None = None  # what a reference says that the model misses
     foreseen_deg: Floats | None = None  # (n,): how well a reference knows that, 1 sigma
     read_deg: float = 0.0  # largest angle that a reference has read
+    line_deg: float = 0.0  # RMS of an interference that was taken off the angles
 
     @cached_property
     def reach(self) -> Reach:

@@ -57,7 +57,7 @@ def judged(evidence: Evidence, held: HeldOut) -> NDArray[np.bool_]:
 
 
 def rmse(evidence: Evidence, predicted_deg: Floats, where: NDArray[np.bool_]) -> float:
-    """RMS error over single samples, their white noise included, deg."""
+    """RMS error over single samples, their white noise included, a line taken off not, deg."""
     squares = _squares(evidence, predicted_deg)
     return float(np.sqrt(np.average(squares[where], weights=evidence.grid.counts[where])))
 
@@ -97,7 +97,9 @@ def shrink(
         For the bootstrap over trials, or over the pieces of a lone one.
     """
     where = judged(evidence, held)
-    errors = {name: rmse(evidence, curve, where) for name, curve in curves.items()}
+    # An interference is in every error, and nothing foretells its phase.
+    line_deg = evidence.line_deg
+    errors = {n: float(np.hypot(rmse(evidence, c, where), line_deg)) for n, c in curves.items()}
     # What is left bounds what these trials differ by.
     floor_deg = min(floor_deg, errors["explained"])
     trials, unit = np.unique(evidence.grid.sample_trial[where], return_inverse=True)
@@ -108,7 +110,7 @@ def shrink(
         unit = np.unique(pieces, return_inverse=True)[1]
     counts = evidence.grid.counts[where]
     sums = [
-        np.bincount(unit, weights=counts * _squares(evidence, curves[name])[where])
+        np.bincount(unit, weights=counts * (_squares(evidence, curves[name])[where] + line_deg**2))
         for name in ("plain", "explained")
     ]
     weights = np.bincount(unit, weights=counts)

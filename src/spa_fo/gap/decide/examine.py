@@ -17,7 +17,7 @@ from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.coefficients import error_of
 from spa_fo.gap.fit.own_model import fitted_to
 from spa_fo.gap.noise.bench_noise import Beyond
-from spa_fo.gap.noise.interference import NONE, fast_line
+from spa_fo.gap.noise.interference import NONE, fast_line, without_lines
 from spa_fo.gap.search.drive import Drive, examine_drive, joined
 from spa_fo.gap.search.explanations import Explanations, explain
 from spa_fo.plant import Model
@@ -71,6 +71,13 @@ def examine(
     data = replace(data, campaign=campaign)
     everything, given = collect(data), plain.transfer_function.as_array()
     excluded, held = tuple(excluded), hold_out(everything, rng)
+    fast = NONE
+    if at_port("line") not in excluded:
+        fast = fast_line(replace(everything, takes_part=~held.trials))
+        if beyond is None:  # what a reference lets expect holds its own
+            everything = without_lines(everything)
+            data = everything.data
+    line_deg = everything.line_deg
     nominal = drive = pressure = expected_kpa = None
     if beyond is not None:
         pressure, expected_kpa = beyond.pressure, beyond.pressure_kpa
@@ -83,6 +90,7 @@ def examine(
     if everything.grid.command_kpa is None:
         drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
+    everything = replace(everything, line_deg=line_deg)
     evidence = replace(everything, takes_part=~held.trials)
     progress(f"explaining {evidence.takes_part.sum()} trials")
     if evidence.has_pressure and drive is None:
@@ -111,7 +119,6 @@ def examine(
     if beyond is not None:
         floor = beyond.floor_deg(everything)
     progress(f"weighing {len(found.fits)} explanations")
-    fast = NONE if at_port("line") in excluded else fast_line(evidence)
     drive_floor = None
     if drive is not None and expected_kpa is not None:
         drive_floor = expected_kpa * drive.per_kpa_deg

@@ -353,10 +353,8 @@ def _scored(
 def _of_line(fast: Line, floor_deg: float) -> dict[Ids, float]:
     """Probabilities that a fast interference is there, and that it is not."""
     rms = fast.amplitude_deg / float(np.sqrt(2.0))
-    # The floor holds the interference too.
-    quiet = float(np.sqrt(max(floor_deg**2 - rms**2, (0.1 * floor_deg) ** 2)))
     name = at_port("line")
-    if name is None or fast.gain <= 0.0 or rms < SETTINGS.moves * quiet:
+    if name is None or fast.gain <= 0.0 or rms < SETTINGS.moves * floor_deg:
         return {(): 1.0}
     nats = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
     there = float(expit(np.clip(nats, -50.0, 50.0)))

@@ -186,9 +186,10 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     spectrum = estimate(differences, evidence.noise_deg)
     nats, zeros_deg, gains = 0.0, None, None
     if beyond is None and differences:
-        nats, zeros_deg = of_order(differences, spectrum, OF_ZERO)
-        largest_deg = evidence.reach.angle * USUAL_DEG
-        gains = of_order(differences, spectrum, OF_GAIN, largest_deg)[1] / largest_deg
+        nats, zeros_deg = of_order(differences, spectrum, OF_ZERO, TYPICAL.rest_deg)
+        most_deg = evidence.reach.angle * USUAL_DEG
+        ordinary_deg = TYPICAL.gain * most_deg
+        gains = of_order(differences, spectrum, OF_GAIN, ordinary_deg, most_deg)[1] / most_deg
     scattered = scatter(differences, spectrum, TYPICAL, zeros_deg, gains)
     fixture = dwell_error(evidence.data.calibrations)
     if beyond is None:

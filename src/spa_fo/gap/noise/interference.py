@@ -6,15 +6,17 @@ trial is a response, and the covariance of what repeats explains it as well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from spa_fo.gap.data.evidence import Evidence
+from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.data.searched import wave
 from spa_fo.gap.noise.whitening import Factor, Rows, Whitening
+from spa_fo.gap.settings import SETTINGS
+from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +27,9 @@ _ABOUT_HZ = 1.0  # to either side, of the background that a fast line stands out
 _FEWEST = 4  # samples of a step that say something about what is fast
 _FEWEST_FAST = 32  # such samples in all
 _FAST_AMPLITUDES = np.geomspace(0.003, 30.0, 200)
+_MOST_LINES = 4  # that are taken off: a mains' own, harmonics, and what is left of them
+_WANDERS_S = 2.0  # over which amplitude and phase of a line may change
+_STEADY = 30.0  # samples that say of neighbouring knots that the wave is the same there
 _FEWEST_CYCLES = 3.0  # within a trial: a slower wave may be any drift
 _LOWEST_CYCLES = 0.3
 _MOST_SLOW = 240  # frequencies that are tried
@@ -83,21 +88,60 @@ def fast_line(evidence: Evidence) -> Line:
     return _best(frequency[[at]], chi2, seen, _FAST_AMPLITUDES, price)
 
 
+def without_lines(evidence: Evidence) -> Evidence:
+    """Take fast lines off the angles, the strongest first: what else is there has its own noise.
+
+    As white noise a line would hide everything below it. `Evidence.line_deg` says how large it was.
+    """
+    for _ in range(_MOST_LINES):
+        line = fast_line(evidence)
+        if line.gain <= SETTINGS.line_nats:
+            break
+        evidence = _without(evidence, line.frequency_hz)
+    return evidence
+
+
+def _without(evidence: Evidence, hz: float) -> Evidence:
+    """Take one line off, its amplitude and phase straight between knots `_WANDERS_S` apart."""
+    trials, squares, samples = [], evidence.line_deg**2, sum(evidence.grid.counts)
+    for i, trial in enumerate(evidence.grid.trials):
+        t = trial.t_s
+        knots = np.linspace(t[0], t[-1], max(round(float(t[-1] - t[0]) / _WANDERS_S), 1) + 1)
+        hats = np.array([np.interp(t, knots, hat) for hat in np.eye(knots.size)]).T
+        phase = 2.0 * np.pi * hz * t[:, None]
+        waves = np.hstack([hats * np.sin(phase), hats * np.cos(phase)])
+        within, dense = _within_steps(evidence, i)
+        seen = waves[dense]
+        change = np.kron(np.eye(2), np.diff(np.eye(knots.size), axis=0))
+        normal = seen.T @ seen + _STEADY * change.T @ change + 1e-9 * np.eye(waves.shape[1])
+        line_deg = waves @ np.linalg.solve(normal, seen.T @ within[dense])
+        line_deg[trial.after_reset] = 0.0  # whose times are estimates
+        squares += float(line_deg @ line_deg) / samples
+        trials.append(replace(trial, angle_deg=trial.angle_deg - line_deg))
+    quieter = collect(replace(evidence.data, trials=tuple(trials)))
+    return replace(quieter, takes_part=evidence.takes_part, line_deg=float(np.sqrt(squares)))
+
+
+def _within_steps(evidence: Evidence, i: int) -> tuple[Floats, NDArray[np.bool_]]:
+    """Take what a trial's angle does within the averaging steps, and where that can be told."""
+    grid, rows = evidence.grid, evidence.rows[i]
+    trial: Trial = grid.trials[i]
+    smooth = np.interp(trial.t_s, grid.time_s[rows], grid.angle_deg[rows])
+    dense = np.interp(trial.t_s, grid.time_s[rows], grid.counts[rows]) >= _FEWEST
+    return trial.angle_deg - smooth, dense & ~trial.after_reset
+
+
 def _fast(evidence: Evidence) -> tuple[float, Floats]:
     """Take what the angle does within the averaging steps: (trials, samples), NaN in the gaps."""
-    grid = evidence.grid
-    interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in grid.trials])))
+    trials = evidence.grid.trials
+    interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in trials])))
     used = np.flatnonzero(evidence.takes_part)
     pieces = np.full((used.size, _PADDED), np.nan)
-    for piece, i in zip(pieces, used, strict=True):
-        trial, rows = grid.trials[i], evidence.rows[i]
-        good = ~trial.after_reset
-        t = trial.t_s[good]
-        smooth = np.interp(t, grid.time_s[rows], grid.angle_deg[rows])
-        at = np.rint(t / interval).astype(np.int64)
-        dense = np.interp(t, grid.time_s[rows], grid.counts[rows]) >= _FEWEST
+    for piece, i in zip(pieces, used.tolist(), strict=True):
+        within, dense = _within_steps(evidence, i)
+        at = np.rint(trials[i].t_s / interval).astype(np.int64)
         dense &= at < _PADDED
-        piece[at[dense]] = (trial.angle_deg[good] - smooth)[dense]
+        piece[at[dense]] = within[dense]
     return 1.0 / interval, pieces
 
 

@@ -11,6 +11,7 @@ from scipy.special import expit, logsumexp, softmax
 
 from spa_fo.gap.noise.coloured import Differences, Spectrum
 from spa_fo.gap.prior import log_prior
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY
 
 Floats = NDArray[np.float64]
@@ -18,18 +19,25 @@ Integers = NDArray[np.int64]
 
 OF_ZERO, OF_GAIN = 0, 1
 """Which number each contrast of repeats is fitted with; see `Differences.own`."""
-# Standard deviations that are tried, alike in weight: wide, assumed.
+# Standard deviations that are tried, wide: those of jumps are alike in weight, assumed.
 _SCATTER_DEG = np.geomspace(0.02, 3.0, 12)
 _SHIFT_DEG = np.geomspace(0.1, 10.0, 7)
 _WALK_DEG = np.geomspace(0.05, 3.0, 6)
+_MOST_IS = 2.0  # standard deviations of what is said of an ordinary scatter
 _TREND = 3.0  # scatters that zeros may go with their order by
 _FEWEST = 3  # contrasts, which a jump and a scatter take two of
 
 
 def of_order(
-    differences: Sequence[Differences], spectrum: Spectrum, which: int, unit: float = 1.0
+    differences: Sequence[Differences],
+    spectrum: Spectrum,
+    which: int,
+    ordinary_deg: float,
+    unit: float = 1.0,
 ) -> tuple[float, Floats]:
     """Weigh whether zeros, or gains in `unit` deg, go with the trials' order.
+
+    They scatter by about `ordinary_deg` on an ordinary bench.
 
     Returns nats that they jump or wander, and what is expected of all trials by that and a trend.
     """
@@ -41,12 +49,14 @@ def of_order(
         np.vstack([d.between for d in differences]),
     )
     one = log_prior(tuple(LIBRARY)[:1]) - log_prior(())
-    (nats, jumped), (more, trended) = jumps(*seen), trends(*seen)
+    (nats, jumped), (more, trended) = jumps(*seen, ordinary_deg), trends(*seen, ordinary_deg)
     jump, trend = expit(nats + one), expit(more + one)
     return nats, jump * jumped + (1.0 - jump) * trend * trended
 
 
-def jumps(values: Floats, variance: Floats, between: Floats) -> tuple[float, Floats]:
+def jumps(
+    values: Floats, variance: Floats, between: Floats, ordinary_deg: float
+) -> tuple[float, Floats]:
     """Weigh whether the zeros of trials jump or wander, beyond scatter and a trend.
 
     Repeats of one experiment say it without any explanation: what an explanation misses of them, it
@@ -64,6 +74,8 @@ def jumps(values: Floats, variance: Floats, between: Floats) -> tuple[float, Flo
         Orthonormal contrasts of the zeros, deg, and variance of their errors.
     between : (n, trials) array
         What they are contrasts of, in the order of the campaign.
+    ordinary_deg : float
+        What zeros scatter by on an ordinary bench.
 
     Returns
     -------
@@ -79,19 +91,26 @@ def jumps(values: Floats, variance: Floats, between: Floats) -> tuple[float, Flo
     pairs = np.column_stack(np.triu_indices(trials - 1, 1))
     hypotheses = [(every[:, None], _SHIFT_DEG), (pairs, _SHIFT_DEG), (every[None, :], _WALK_DEG)]
     still, moving, means = [], [], []
-    for sigma in _SCATTER_DEG:
+    for sigma, beforehand in zip(_SCATTER_DEG, _ordinarily(ordinary_deg), strict=True):
         covariance = (_TREND * sigma) ** 2 * (trend @ trend.T) + np.diag(sigma**2 + variance)
         root = np.linalg.cholesky(covariance)
         y = solve_triangular(root, values, lower=True)
         steps = solve_triangular(root, between @ after, lower=True)
-        log = -0.5 * float(y @ y) - float(np.sum(np.log(np.diag(root))))
+        log = beforehand - 0.5 * float(y @ y) - float(np.sum(np.log(np.diag(root))))
         still.append(log)
         for which, sizes in hypotheses:
             gains, amounts = _weigh(y, steps, which, sizes)
             moving.append(log + float(logsumexp(gains)) - np.log(gains.size))
             means.append(after @ (softmax(gains) @ amounts))
-    nats = float(logsumexp(moving) - np.log(len(moving)) - logsumexp(still) + np.log(len(still)))
+    nats = float(logsumexp(moving) - np.log(len(hypotheses)) - logsumexp(still))
     return nats, np.asarray(softmax(moving) @ np.array(means))
+
+
+def _ordinarily(ordinary_deg: float) -> Floats:
+    """Log weights of `_SCATTER_DEG`: alike up to an ordinary scatter, hardly any far beyond."""
+    beyond = np.maximum(np.log(_SCATTER_DEG / ordinary_deg) / np.log(SETTINGS.most_scatter), 0.0)
+    logs = -0.5 * (_MOST_IS * beyond) ** 2
+    return np.asarray(logs - logsumexp(logs))
 
 
 def trend_shapes(trials: int) -> Floats:
@@ -100,7 +119,9 @@ def trend_shapes(trials: int) -> Floats:
     return np.column_stack([place - place.mean(), np.exp(-6.0 * place)])
 
 
-def trends(values: Floats, variance: Floats, between: Floats) -> tuple[float, Floats]:
+def trends(
+    values: Floats, variance: Floats, between: Floats, ordinary_deg: float
+) -> tuple[float, Floats]:
     """Weigh a trend with the trials' order, ζ = σ ε + τ T b, against scatter alone; see `jumps`.
 
     Returns
@@ -112,10 +133,10 @@ def trends(values: Floats, variance: Floats, between: Floats) -> tuple[float, Fl
     if values.size < _FEWEST:
         return 0.0, np.zeros(len(shapes))
     still, going, means = [], [], []
-    for sigma in _SCATTER_DEG:
+    for sigma, beforehand in zip(_SCATTER_DEG, _ordinarily(ordinary_deg), strict=True):
         root = np.sqrt(sigma**2 + variance)
         y, steps = values / root, (between @ shapes) / root[:, None]
-        log = -0.5 * float(y @ y) - float(np.sum(np.log(root)))
+        log = beforehand - 0.5 * float(y @ y) - float(np.sum(np.log(root)))
         still.append(log)
         gains, amounts = _weigh(y, steps, np.array([[0, 1]]), _SHIFT_DEG)
         going.append(log + float(logsumexp(gains)) - np.log(gains.size))
