@@ -21,6 +21,7 @@ from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import CONTRACT, IDS, LIBRARY, absent
 from spa_fo.plant.effects.sensor import read_angle
+from spa_fo.plant.effects.sensor_saturation import saturate
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.plant.effects.stiffening import stiffening_moment
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
@@ -405,10 +406,16 @@ def curve_errors(p: dict[str, float]) -> list[float]:
     return errors
 
 
+def soft_minimum(angle: float, ceiling: float, knee: float) -> float:
+    """-log(e^-a + e^-c) in units that miss half a knee where both are the same."""
+    unit = knee / (2.0 * math.log(2.0))
+    return -unit * float(np.logaddexp(-angle / unit, -ceiling / unit))
+
+
 SENSORS = {
     "sensor_nonlinearity": lambda y, p: naive.curve(y, CURVE_KNOTS_DEG, curve_errors(p)),
     "sensor_saturation": lambda y, p: np.array(
-        [0.5 * (a + p["ceiling_deg"] - math.hypot(a - p["ceiling_deg"], p["knee_deg"])) for a in y]
+        [soft_minimum(a, p["ceiling_deg"], p["knee_deg"]) for a in y]
     ),
     "sensor_hysteresis": lambda y, p: naive.duhem(y, *p.values()),
     "sensor_creep": lambda y, p: y + naive.creep(y, *p.values(), FINEST_STEP_S),
@@ -577,6 +584,14 @@ def test_the_reading_ends_at_its_ceiling() -> None:
     found = angles(trials(step_release()), vector("sensor_saturation"))[0]
     assert found.max() < 50.0
     assert found[220] == pytest.approx(50.0, abs=0.5)
+
+
+@pytest.mark.parametrize("knee_deg", [0.1, 3.0, 90.0])
+def test_a_ceiling_says_nothing_at_rest(knee_deg: float) -> None:
+    at = np.array([-5.0, 0.0, 60.0])
+    saturate(at, 60.0, knee_deg)
+    assert at[:2] == pytest.approx([-5.0, 0.0], abs=0.03)
+    assert at[2] == pytest.approx(60.0 - min(0.5 * knee_deg, 10.0 * math.log(2.0)), abs=1e-9)
 
 
 def test_every_effect_of_the_library_has_a_size_here() -> None:

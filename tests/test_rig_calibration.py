@@ -191,6 +191,29 @@ def test_directions() -> None:
     assert {dwell.direction for dwell in down} == {"down"}
 
 
+def held(angles: list[int], move_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Dwells of 2 s at 50 Hz with a silent move before each, and what each reads."""
+    t = [place * (2.0 + move_s) + np.arange(100) * 0.02 for place in range(len(angles))]
+    counts = [np.full(100, bent(angle) + place) for place, angle in enumerate(angles)]
+    return np.concatenate(t), np.repeat(np.array(angles, dtype=float), 100), np.concatenate(counts)
+
+
+@pytest.mark.parametrize("move_s", [0.4, 0.8, 3.0])
+def test_two_dwells_at_the_turn_are_told_by_the_move_between_them(move_s: float) -> None:
+    angles = [0, 30, 60, 60, 30, 0]
+    found, _ = find_dwells(*held(angles, move_s))
+    assert [dwell.angle_deg for dwell in found] == angles
+    assert [dwell.noise for dwell in found] == pytest.approx([0.0] * 6, abs=1e-9)
+
+
+@pytest.mark.parametrize("move_s", [0.0, 0.8])
+def test_lost_lines_do_not_cut_a_dwell(move_s: float) -> None:
+    t, known, counts = held([0, 30, 60, 30, 0], move_s)
+    kept = ~((t > t[230]) & (t < t[230] + 0.3))
+    found, _ = find_dwells(t[kept], known[kept], counts[kept])
+    assert len(found) == 5
+
+
 def test_one_way_only_says_that_hysteresis_is_not_known() -> None:
     result = calibrate(*dwells(bent, angles=[0, 30, 60, 90]), "pre.log")
     assert result.max_hysteresis_deg is None

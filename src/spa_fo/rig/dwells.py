@@ -15,6 +15,8 @@ Direction = Literal["up", "down"]
 _SETTLED = 0.5  # the part of a dwell, from its end, that counts as settled
 _FEWEST_SAMPLES = 8  # of a dwell
 _LONGEST_PAUSE_S = 1.0  # within a dwell
+_MOVING = 0.5  # of what the fixture takes from one angle to the next: a pause as long is a move
+_PAUSED = 5.0  # sampling intervals: where a move takes fewer, the log goes on while it moves
 _QUANTISATION = 1.0 / np.sqrt(12.0)  # counts: an undithered converter's error
 
 
@@ -54,7 +56,8 @@ def find_dwells(
     notes : list of str
         What was left out.
     """
-    cuts = np.flatnonzero((np.diff(angle_deg) != 0.0) | (np.diff(t_s) > _LONGEST_PAUSE_S)) + 1
+    turned, pause_s = np.diff(angle_deg) != 0.0, np.diff(t_s)
+    cuts = np.flatnonzero(turned | (pause_s > _longest_pause_s(turned, pause_s))) + 1
     stretches = np.split(np.arange(len(t_s)), cuts)
     long = [stretch for stretch in stretches if len(stretch) >= _FEWEST_SAMPLES]
     notes = []
@@ -69,6 +72,20 @@ def find_dwells(
             rising = dwells[-1].direction == "up"
         dwells.append(_dwell(at[i], "up" if rising else "down", t_s[stretch], flex_adc[stretch]))
     return tuple(dwells), notes
+
+
+def _longest_pause_s(turned: npt.NDArray[np.bool_], pause_s: Floats) -> float:
+    """Say how long a log may pause within a dwell.
+
+    Two dwells at one angle, as at the turn from up to down, are told by the move between them: the
+    fixture comes to stand anew, a little elsewhere.
+    """
+    if not turned.any():
+        return _LONGEST_PAUSE_S
+    moving_s = float(np.median(pause_s[turned]))
+    if moving_s < _PAUSED * float(np.median(pause_s)):
+        return _LONGEST_PAUSE_S
+    return min(_LONGEST_PAUSE_S, _MOVING * moving_s)
 
 
 def _dwell(angle: float, direction: Direction, t_s: Floats, counts: Floats) -> Dwell:

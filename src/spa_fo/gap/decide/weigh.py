@@ -185,7 +185,8 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
             if part is None or size_deg <= s.no_gap * floor_deg:
                 continue
             beside = s.temper * (float(logs.max()) + nats) + _with_one_more(part.priced)
-            part = replace(part, unknown=np.append(part.unknown, beside + 2.0 * np.log(s.unknown)))
+            odds = 2.0 if part.named else 1.0  # it is unknown, and it is beside something
+            part = replace(part, unknown=np.append(part.unknown, beside + odds * np.log(s.unknown)))
         if part is not None and f.trend_deg > s.no_gap * floor_deg:
             part = replace(part, left_deg=float(np.hypot(part.left_deg, f.trend_deg)))
         parts.append(part)

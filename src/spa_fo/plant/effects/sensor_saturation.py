@@ -8,6 +8,11 @@ from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Check, Effect, shape
 from spa_fo.plant.effects.shared import Floats
 
+_AT_CEILING = 2.0 * math.log(2.0)
+_WIDTHS = (
+    6.0  # that a ceiling is high at least: at rest a widest knee misses 0.04 % of it. Assumed.
+)
+
 EFFECT = Effect(
     id="sensor_saturation",
     stage="sensor",
@@ -27,7 +32,7 @@ EFFECT = Effect(
         shape(
             "knee_deg",
             "deg",
-            "how far below the reading begins to bend",
+            "twice what it misses at the ceiling: how far below it begins to bend",
             centre=3.0,
             factor=2.2,
             low=0.1,
@@ -51,7 +56,11 @@ EFFECT = Effect(
 
 @njit
 def saturate(y: Floats, ceiling: float, knee: float) -> None:
-    """Smooth minimum of the angle and the ceiling."""
+    """Soft minimum of the angle and the ceiling: at the ceiling it misses half the knee.
+
+    What is missed falls off exponentially below, and is none at rest: a rail says nothing there.
+    """
+    width = min(knee / _AT_CEILING, ceiling / _WIDTHS)
     for i in range(y.size):
         over = y[i] - ceiling
-        y[i] -= 0.5 * (over + math.sqrt(over * over + knee * knee))
+        y[i] -= max(over, 0.0) + width * math.log1p(math.exp(-abs(over) / width))
