@@ -166,10 +166,12 @@ def calibrated(
     both: bool = True,
     changed_deg: float = 0.0,
     falling: bool = False,
+    mark_deg: float = 0.0,
 ) -> Calibration:
     """A calibration over 19 angles, up and down or up alone; its film has a smooth loop.
 
-    `changed_deg` is a wave that the sensor's curve has; counts may fall with the angle.
+    `changed_deg` is a wave that the sensor's curve has; counts may fall with the angle. By
+    `mark_deg` each known angle errs in both ways alike.
     """
     rng = np.random.default_rng(seed)
     angles = np.arange(0.0, 91.0, 5.0)
@@ -177,7 +179,10 @@ def calibrated(
     up = np.arange(known.size) < angles.size
     loop = loop_deg * np.where(up, 0.5, -0.5) * np.sin(np.pi * known / 90.0)
     wave = changed_deg * np.sin(np.pi * known / 20.0)
-    counts = 10.0 * (known + loop + wave + error_deg * rng.standard_normal(known.size))
+    marks = mark_deg * np.random.default_rng(seed + 1000).standard_normal(angles.size)
+    errors = error_deg * rng.standard_normal(known.size)
+    errors += np.concatenate([marks, marks[::-1]]) if both else marks
+    counts = 10.0 * (known + loop + wave + errors)
     t_s = np.arange(0.0, 5.0 * known.size, 0.1)
     at = np.minimum((t_s / 5.0).astype(int), known.size - 1)
     read = 1000.0 - counts if falling else 100.0 + counts
@@ -190,9 +195,18 @@ def test_the_error_of_a_dwells_angle_is_found_beside_a_loop(
     error_deg: float, loop_deg: float
 ) -> None:
     found = [dwell_error([calibrated(error_deg, loop_deg, seed)]) for seed in range(12)]
-    assert {each.mark_deg for each in found} == {SETTINGS.dwell_error_deg}
     squares = np.array([each.deg**2 for each in found if each.deg is not None])
     assert np.sqrt(squares.mean()) == pytest.approx(error_deg, rel=0.2, abs=0.02)
+
+
+@pytest.mark.parametrize("mark_deg", [0.0, 0.3, 1.0])
+def test_a_wrong_mark_is_told_by_the_scatter_about_the_smooth_curve(mark_deg: float) -> None:
+    found = [dwell_error([calibrated(0.05, 1.0, seed, mark_deg=mark_deg)]) for seed in range(12)]
+    squares = np.array([each.mark_deg**2 for each in found])
+    assert np.sqrt(squares.mean()) == pytest.approx(mark_deg, rel=0.35, abs=0.08)
+    # The ways' difference does not hold it.
+    errors = [each.deg for each in found if each.deg is not None]
+    assert np.mean(errors) == pytest.approx(0.05, rel=0.3)
 
 
 def test_an_estimate_scatters_by_the_degrees_of_freedom_that_say_it() -> None:
@@ -236,12 +250,15 @@ def test_few_angles_move_the_error_from_what_is_usual_by_as_much_as_they_say() -
     def few(error_deg: float, seed: int) -> SimpleNamespace:
         found = calibrated(error_deg, 0.0, seed)
         kept = [d for d in found.dwells if d.angle_deg in (0.0, 45.0, 85.0)]
-        return SimpleNamespace(dwells=kept, angle_deg=lambda counts: (counts - 100.0) / 10.0)
+        return SimpleNamespace(
+            dwells=kept, angle_deg=lambda counts: (counts - 100.0) / 10.0, of_known=np.eye(3)
+        )
 
     usual = SETTINGS.dwell_error_deg
     exact, rough = (dwell_error([few(error, 1)]) for error in (0.0, 5.0))  # type: ignore[list-item]
     assert exact.told == 1.0
     assert exact.deg == pytest.approx(np.sqrt(0.75) * usual)
+    assert exact.mark_deg == usual  # a curve through every angle says nothing of the marks
     assert rough.deg is not None
     assert rough.deg > 3.0 * usual
 

@@ -39,7 +39,8 @@ def dwell_error(calibrations: Sequence[Calibration]) -> DwellError:
 
     Between the ways up and down a sensor differs smoothly over the angle: what second differences
     over the angle hold is the fixture's error, of two dwells at each angle. Of what both have in
-    common they say nothing. Where the first calibration goes one way, its angles scatter about its
+    common, a wrong mark, they say nothing: that is by what the known angles scatter about the
+    smooth curve beyond it. Where the first calibration goes one way, its angles scatter about its
     smooth curve by all of it. A later calibration says nothing beside the first: what has become of
     the curve since need not be smooth.
 
@@ -53,11 +54,22 @@ def dwell_error(calibrations: Sequence[Calibration]) -> DwellError:
     told = sum(each for _, each in found)
     if told < _LEAST_TOLD:
         return UNKNOWN
+    deg = _usually(sum(mean * each for mean, each in found) / told, told)
+    if not both:
+        return DwellError(deg, told, 0.0)
+    # About the smooth curve the mean of both ways scatters, by the mark and half a dwell's square.
+    square, freedom = _scattered_about(calibrations[0])
+    return DwellError(deg, told, _usually(max(square - 0.5 * deg**2, 0.0), freedom))
+
+
+def _usually(square: float, told: float) -> float:
+    """Give an error, deg, of a square that so many degrees of freedom say.
+
+    As far as they are few it is an ordinary fixture's.
+    """
     usual = max(_SURE - told, 0.0)
-    squares = sum(mean * each for mean, each in found)
-    variance = (squares + usual * SETTINGS.dwell_error_deg**2) / (told + usual)
-    deg = max(float(np.sqrt(variance)), _NO_FIXTURE_DEG)
-    return DwellError(deg, told, SETTINGS.dwell_error_deg if both else 0.0)
+    variance = (told * square + usual * SETTINGS.dwell_error_deg**2) / (told + usual)
+    return max(float(np.sqrt(variance)), _NO_FIXTURE_DEG)
 
 
 def _ways(calibration: Calibration, first: Calibration) -> list[dict[float, float]]:

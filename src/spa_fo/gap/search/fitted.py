@@ -281,7 +281,8 @@ def weighed(bench: Bench, fitted: Fitted) -> Fitted:
     left_deg = bench.whitening.beyond_noise(remaining[:n], LEVELS[at])
     nats, size = _trend(bench, fitted, factor)
     fixture_nats, fixture_deg = 0.0, 0.0
-    if fixture is not None and not bench.noise.compared:  # a reference shows it, too
+    # A reference shows it, too; and an interference is in every log, those of the fixture, too.
+    if fixture is not None and not bench.noise.compared and bench.line is None:
         fixture_nats, fixture_deg = fixture.shows_alike(remaining[n : n + problem.further[0]])
     return replace(
         fitted,
