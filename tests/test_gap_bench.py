@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from spa_fo.fractional import step_response
+from spa_fo.gap.data.evidence import step_deg_of
 from spa_fo.gap.data.searched import searched_spread, to_x, to_z
 from spa_fo.gap.fit.bench import hidden_deg, level_prior
 from spa_fo.gap.fit.coefficients import (
@@ -189,8 +190,8 @@ def test_a_step_hides_what_noise_of_its_size_does_not_show(noise_deg: float) -> 
     read = step * np.round((angle + noise) / step)
     shared = float(np.std(read.mean(axis=0) - angle))  # the same in all repeats
     seen = float(np.hypot(noise_deg, step / np.sqrt(12.0)))
-    trial = SimpleNamespace(angle_deg=read[0])
-    evidence = SimpleNamespace(grid=SimpleNamespace(trials=[trial]), noise_deg=seen)
+    q = step_deg_of([SimpleNamespace(angle_deg=read[0])])  # type: ignore[list-item]
+    evidence = SimpleNamespace(step_deg=q, noise_deg=seen, line_deg=0.0)
     found = hidden_deg(evidence)  # type: ignore[arg-type]
     assert found == pytest.approx(shared, rel=0.3, abs=0.02)
 

@@ -132,6 +132,37 @@ def test_lines_are_taken_off_and_leave_what_was_there(hz: float, clean: Campaign
     assert np.sqrt(np.mean(left**2)) < 0.3 * before.noise_deg + 0.03
 
 
+def test_what_was_taken_off_is_as_large_as_is_said_where_the_phase_wanders(
+    clean: CampaignData,
+) -> None:
+    wandering = tuple(
+        replace(
+            trial,
+            angle_deg=trial.angle_deg
+            + 2.0 * np.sin(2.0 * np.pi * (9.0 * trial.t_s + 0.2 * np.sin(trial.t_s))),
+        )
+        for trial in clean.trials
+    )
+    logged = collect(replace(clean, trials=wandering))
+    found = without_lines(logged)
+    pairs = zip(logged.grid.trials, found.grid.trials, strict=True)
+    taken = np.concatenate([before.angle_deg - after.angle_deg for before, after in pairs])
+    assert found.line_deg == pytest.approx(np.sqrt(np.mean(taken**2)))
+    assert found.line_deg > 1.0
+
+
+def test_a_converters_step_is_that_of_the_log(clean: CampaignData) -> None:
+    """What is left of an interference is no whole number of steps."""
+    coarse = tuple(
+        replace(trial, angle_deg=np.round(trial.angle_deg / 0.7) * 0.7)
+        for trial in hummed(clean, 8.0, 0.5).trials
+    )
+    logged = collect(replace(clean, trials=coarse))
+    found = without_lines(logged)
+    assert found.line_deg > 0.2
+    assert found.step_deg == logged.step_deg == pytest.approx(0.7)
+
+
 def test_nothing_is_taken_off_where_there_is_no_line(clean: CampaignData) -> None:
     evidence = collect(clean)
     assert without_lines(evidence) is evidence

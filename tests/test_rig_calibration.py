@@ -206,11 +206,19 @@ def test_two_dwells_at_the_turn_are_told_by_the_move_between_them(move_s: float)
     assert [dwell.noise for dwell in found] == pytest.approx([0.0] * 6, abs=1e-9)
 
 
-@pytest.mark.parametrize("move_s", [0.0, 0.8])
-def test_lost_lines_do_not_cut_a_dwell(move_s: float) -> None:
+@pytest.mark.parametrize("move_s", [0.0, 0.1, 0.2, 0.8])
+@pytest.mark.parametrize("lost_s", [0.1, 0.2, 0.3, 0.6])
+def test_lost_lines_do_not_cut_a_dwell(move_s: float, lost_s: float) -> None:
     t, known, counts = held([0, 30, 60, 30, 0], move_s)
-    kept = ~((t > t[230]) & (t < t[230] + 0.3))
+    kept = ~((t > t[230]) & (t < t[230] + lost_s))
     found, _ = find_dwells(t[kept], known[kept], counts[kept])
+    assert len(found) == 5
+
+
+def test_a_log_that_comes_in_bursts_is_not_cut_by_them() -> None:
+    _, known, counts = held([0, 30, 60, 30, 0], 0.0)
+    every = np.arange(known.size)
+    found, _ = find_dwells(0.1 * (every // 10) + 0.001 * (every % 10), known, counts)
     assert len(found) == 5
 
 

@@ -15,7 +15,10 @@ Direction = Literal["up", "down"]
 _SETTLED = 0.5  # the part of a dwell, from its end, that counts as settled
 _FEWEST_SAMPLES = 8  # of a dwell
 _LONGEST_PAUSE_S = 1.0  # within a dwell
+_SHORTEST_PAUSE_S = 0.25  # from which it may be a move: lines are lost, and logs come in bursts
 _MOVING = 0.5  # of what the fixture takes from one angle to the next: a pause as long is a move
+_WHOLE = 0.6  # of what a dwell typically lasts
+_MOST_SAMPLES = 0.95  # of them come at the log's own interval, or in bursts
 _PAUSED = 5.0  # sampling intervals: where a move takes fewer, the log goes on while it moves
 _QUANTISATION = 1.0 / np.sqrt(12.0)  # counts: an undithered converter's error
 
@@ -57,7 +60,13 @@ def find_dwells(
         What was left out.
     """
     turned, pause_s = np.diff(angle_deg) != 0.0, np.diff(t_s)
-    cuts = np.flatnonzero(turned | (pause_s > _longest_pause_s(turned, pause_s))) + 1
+    paused = pause_s > _longest_pause_s(turned, pause_s)
+    cuts = np.flatnonzero(turned | paused) + 1
+    # What pauses for less than any dwell may is cut into two whole dwells, or lines were lost.
+    typical = float(np.median(np.diff([0, *np.flatnonzero(turned) + 1, len(t_s)])))
+    parts = np.diff([0, *cuts, len(t_s)])
+    whole = np.minimum(parts[:-1], parts[1:]) >= _WHOLE * typical
+    cuts = cuts[turned[cuts - 1] | (pause_s[cuts - 1] > _LONGEST_PAUSE_S) | whole]
     stretches = np.split(np.arange(len(t_s)), cuts)
     long = [stretch for stretch in stretches if len(stretch) >= _FEWEST_SAMPLES]
     notes = []
@@ -83,9 +92,10 @@ def _longest_pause_s(turned: npt.NDArray[np.bool_], pause_s: Floats) -> float:
     if not turned.any():
         return _LONGEST_PAUSE_S
     moving_s = float(np.median(pause_s[turned]))
-    if moving_s < _PAUSED * float(np.median(pause_s)):
+    within_s = pause_s[~turned]
+    if not within_s.size or moving_s < _PAUSED * float(np.quantile(within_s, _MOST_SAMPLES)):
         return _LONGEST_PAUSE_S
-    return min(_LONGEST_PAUSE_S, _MOVING * moving_s)
+    return float(np.clip(_MOVING * moving_s, _SHORTEST_PAUSE_S, _LONGEST_PAUSE_S))
 
 
 def _dwell(angle: float, direction: Direction, t_s: Floats, counts: Floats) -> Dwell:

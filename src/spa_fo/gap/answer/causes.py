@@ -180,7 +180,9 @@ def _stood(first: Verdict, standing: Container[Ids]) -> float:
 
 def causes_of(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cause, ...]:
     """List every explanation considered with its parameters, the most probable first."""
-    orders = examined.everything.grid.orders
+    orders, line_deg = examined.everything.grid.orders, examined.everything.line_deg
+    # An interference that was taken off is in every error that is reported.
+    errors = {ids: float(np.hypot(error, line_deg)) for ids, error in claimed.errors.items()}
     causes: dict[Ids, Cause] = {}
     probabilities, unknown = said(verdict)
     for s in verdict.scored:
@@ -191,12 +193,12 @@ def causes_of(examined: Examined, verdict: Verdict, claimed: Claim) -> tuple[Cau
             probability=probabilities.get(s.named, 0.0),
             parameters=with_intervals(explanation, examined.given, orders),
             transfer_function=_by_name(explanation.x),
-            held_out_rmse_deg=claimed.errors.get(s.named),
+            held_out_rmse_deg=errors.get(s.named),
             leftover_deg=s.left_deg,
         )
     plain = _by_name(examined.found.plain.x)
     for cause in (
-        Cause(("none",), probabilities[()], {}, plain, claimed.errors.get(())),
+        Cause(("none",), probabilities[()], {}, plain, errors.get(())),
         *(Cause((name,), 0.0, {}, {}) for name in LIBRARY if name not in examined.excluded),
         Cause(("unknown",), unknown, {}, {}),
     ):

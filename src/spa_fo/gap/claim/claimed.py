@@ -122,6 +122,8 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         scatter = judging[first].scatter(verdict.of(first).left_deg)
         repeated = found.bench.noise.spectrum.repeats > 0
         scatter = _believed(scatter, errors[()], floor_deg, repeated)
+        if at_port("line", first) is None:  # what is not named is no part of the gap
+            scatter = float(np.hypot(scatter, everything.line_deg))
         made = shrink(everything, held, curves, scatter, rng)
     return Claim(curves, errors, closed, made, expected, by_chance, by_refit)
 
@@ -141,7 +143,9 @@ def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
 
 def _by_chance(scored: Scored) -> float:
     """Mean square by which a set moves trials in a way of their own, deg²."""
-    ports = "zeros", "line"
+    # A fast interference was taken off before: it closes nothing, unless it is all that is named.
+    off = scored.fast is not None and len(scored.named) > 1
+    ports = ("zeros",) if off else ("zeros", "line")
     return sum(size**2 for name, size in scored.moved_deg.items() if LIBRARY[name].port in ports)
 
 

@@ -30,6 +30,7 @@ _CURVE_FLOOR_DEG = 0.08
 _NEAR_S = 0.4
 _TOP = 0.99  # quantile
 _SHORTEST = 0.01  # of the usual reach: a campaign of noise alone has some, too
+_A_STEP = 0.1  # quantile of the distances of neighbouring values: some counts are never read
 _ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
 
 
@@ -55,6 +56,7 @@ class Evidence:
     usual: Usual | None = None  # what a reference says that the model misses
     foreseen_deg: Floats | None = None  # (n,): how well a reference knows that, 1 sigma
     read_deg: float = 0.0  # largest angle that a reference has read
+    step_deg: float = 0.0  # of the converter, as an angle; 0 where none shows
     line_deg: float = 0.0  # RMS of an interference that was taken off the angles
 
     @cached_property
@@ -111,7 +113,15 @@ def collect(data: CampaignData) -> Evidence:
         drift_sigma_deg=sigma,
         drift_angle_deg=angles,
         drift_after=after,
+        step_deg=step_deg_of(grid.trials),
     )
+
+
+def step_deg_of(trials: Sequence[Trial]) -> float:
+    """Say how far neighbouring values of the angle are apart."""
+    steps = [np.diff(np.unique(np.round(trial.angle_deg, 6))) for trial in trials]
+    seen = [float(np.quantile(each, _A_STEP)) for each in steps if each.size]
+    return float(np.median(seen)) if seen else 0.0
 
 
 def _white(signals: Sequence[Floats]) -> float:

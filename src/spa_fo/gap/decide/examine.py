@@ -77,7 +77,7 @@ def examine(
         if beyond is None:  # what a reference lets expect holds its own
             everything = without_lines(everything)
             data = everything.data
-    line_deg = everything.line_deg
+    line_deg, step_deg = everything.line_deg, everything.step_deg
     nominal = drive = pressure = expected_kpa = None
     if beyond is not None:
         pressure, expected_kpa = beyond.pressure, beyond.pressure_kpa
@@ -90,7 +90,7 @@ def examine(
     if everything.grid.command_kpa is None:
         drives = [n for n in LIBRARY if LIBRARY[n].stage == "drive" and n not in excluded]
         excluded = (*excluded, *drives)
-    everything = replace(everything, line_deg=line_deg)
+    everything = replace(everything, line_deg=line_deg, step_deg=step_deg)
     evidence = replace(everything, takes_part=~held.trials)
     progress(f"explaining {evidence.takes_part.sum()} trials")
     if evidence.has_pressure and drive is None:

@@ -32,7 +32,6 @@ _ABOUT = 7  # rows that say how large a gap is at one of them
 _LOCAL = 0.5  # of a gap's size at a row, the rest is the campaign's mean
 _SLIP_DEG = 0.4
 _BRANCH = 0.5  # of half a loop, by which trials begin on other branches. Assumed.
-_A_STEP = 0.1  # quantile of the distances of neighbouring values: some counts are never read
 _MOST_LEVEL = 2.0  # against what a reference says, or repeats: what is beyond is no noise
 
 
@@ -175,13 +174,12 @@ def hidden_deg(evidence: Evidence) -> float:
     What noise of σ leaves of the error of a rounding to steps q, a wave of period q, is its first
     harmonic, e^{-2π²σ²/q²} of it (dither; Widrow and Kollár 2008, doi:10.1017/CBO9780511754661).
     """
-    steps = [np.diff(np.unique(np.round(trial.angle_deg, 6))) for trial in evidence.grid.trials]
-    seen = [float(np.quantile(each, _A_STEP)) for each in steps if each.size]
-    q = float(np.median(seen)) if seen else 0.0
+    q = evidence.step_deg
     if q <= 0.0:
         return 0.0
     rounding = q / float(np.sqrt(12.0))  # which stands in the noise of neighbours, too
-    dither = max(evidence.noise_deg**2 - rounding**2, 0.0)
+    # An interference dithers, too.
+    dither = max(evidence.noise_deg**2 + evidence.line_deg**2 - rounding**2, 0.0)
     return rounding * float(np.exp(-2.0 * np.pi**2 * dither / q**2))
 
 

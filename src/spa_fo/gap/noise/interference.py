@@ -7,10 +7,13 @@ trial is a response, and the covariance of what repeats explains it as well.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.ndimage import median_filter
+from scipy.sparse.linalg import spsolve
 
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.data.searched import wave
@@ -93,33 +96,51 @@ def without_lines(evidence: Evidence) -> Evidence:
 
     As white noise a line would hide everything below it. `Evidence.line_deg` says how large it was.
     """
+    logged = evidence
     for _ in range(_MOST_LINES):
         line = fast_line(evidence)
         if line.gain <= SETTINGS.line_nats:
             break
         evidence = _without(evidence, line.frequency_hz)
-    return evidence
+    if evidence is logged:
+        return logged
+    pairs = zip(logged.grid.trials, evidence.grid.trials, strict=True)
+    line_deg = np.concatenate([before.angle_deg - after.angle_deg for before, after in pairs])
+    return replace(
+        evidence,
+        takes_part=logged.takes_part,
+        step_deg=logged.step_deg,
+        line_deg=float(np.sqrt(np.mean(line_deg**2))),
+    )
 
 
 def _without(evidence: Evidence, hz: float) -> Evidence:
     """Take one line off, its amplitude and phase straight between knots `_WANDERS_S` apart."""
-    trials, squares, samples = [], evidence.line_deg**2, sum(evidence.grid.counts)
+    trials = []
     for i, trial in enumerate(evidence.grid.trials):
         t = trial.t_s
         knots = np.linspace(t[0], t[-1], max(round(float(t[-1] - t[0]) / _WANDERS_S), 1) + 1)
-        hats = np.array([np.interp(t, knots, hat) for hat in np.eye(knots.size)]).T
-        phase = 2.0 * np.pi * hz * t[:, None]
-        waves = np.hstack([hats * np.sin(phase), hats * np.cos(phase)])
+        hats, phase = _hats(t, knots), 2.0 * np.pi * hz * t[:, None]
+        both: list[Any] = [hats.multiply(np.sin(phase)), hats.multiply(np.cos(phase))]
+        waves = sparse.csr_matrix(sparse.hstack(both))
         within, dense = _within_steps(evidence, i)
-        seen = waves[dense]
-        change = np.kron(np.eye(2), np.diff(np.eye(knots.size), axis=0))
-        normal = seen.T @ seen + _STEADY * change.T @ change + 1e-9 * np.eye(waves.shape[1])
-        line_deg = waves @ np.linalg.solve(normal, seen.T @ within[dense])
+        seen, none = waves[dense], 1e-9 * sparse.identity(waves.shape[1])
+        steps = sparse.diags([-1.0, 1.0], [0, 1], shape=(knots.size - 1, knots.size))
+        change = sparse.block_diag([steps, steps])
+        normal = seen.T @ seen + _STEADY * change.T @ change + none
+        line_deg = waves @ spsolve(normal.tocsc(), seen.T @ within[dense])
         line_deg[trial.after_reset] = 0.0  # whose times are estimates
-        squares += float(line_deg @ line_deg) / samples
         trials.append(replace(trial, angle_deg=trial.angle_deg - line_deg))
-    quieter = collect(replace(evidence.data, trials=tuple(trials)))
-    return replace(quieter, takes_part=evidence.takes_part, line_deg=float(np.sqrt(squares)))
+    return collect(replace(evidence.data, trials=tuple(trials)))
+
+
+def _hats(t: Floats, knots: Floats) -> sparse.csr_matrix:
+    """Shares of the two knots about each time, (n, knots): a long trial has many."""
+    after = np.clip(np.searchsorted(knots, t, side="right"), 1, knots.size - 1)
+    share = (t - knots[after - 1]) / (knots[after] - knots[after - 1])
+    rows = np.tile(np.arange(t.size), 2)
+    at = rows, np.concatenate([after - 1, after])
+    return sparse.csr_matrix((np.concatenate([1.0 - share, share]), at), (t.size, knots.size))
 
 
 def _within_steps(evidence: Evidence, i: int) -> tuple[Floats, NDArray[np.bool_]]:

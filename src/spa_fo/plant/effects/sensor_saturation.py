@@ -9,9 +9,8 @@ from spa_fo.plant.effects.effect import Check, Effect, shape
 from spa_fo.plant.effects.shared import Floats
 
 _AT_CEILING = 2.0 * math.log(2.0)
-_WIDTHS = (
-    6.0  # that a ceiling is high at least: at rest a widest knee misses 0.04 % of it. Assumed.
-)
+# That a ceiling is high at least: the widest misses 0.04 % of it at rest. Assumed.
+_WIDTHS = 6.0
 
 EFFECT = Effect(
     id="sensor_saturation",
@@ -32,7 +31,7 @@ EFFECT = Effect(
         shape(
             "knee_deg",
             "deg",
-            "twice what it misses at the ceiling: how far below it begins to bend",
+            "twice what it misses at the ceiling, up to 0.23 of it: how far below it bends",
             centre=3.0,
             factor=2.2,
             low=0.1,
