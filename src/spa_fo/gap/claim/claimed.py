@@ -232,8 +232,8 @@ def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdic
 def too_small_for_any(verdict: Verdict, gap_deg: float, floor_deg: float) -> Verdict:
     """Take sets for no gap where the plain model misses hardly more than repeats differ by.
 
-    A drive stands, which the pressure tells; so does what makes repeats differ, which is in the
-    floor: an interference, and zeros that move.
+    A drive stands, which the pressure tells; so does what makes repeats differ: a slow
+    interference and zeros that move, which are in the floor, and a fast one, which was taken off.
 
     Parameters
     ----------
