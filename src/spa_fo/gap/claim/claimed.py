@@ -114,7 +114,8 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
             (mean, sigma), gap = own.takes(without), _gap_of(before, floors[named])
             expected[named] = mean / gap, sigma / gap
     closed = {named: _closed(before, errors[named], floors[named]) for named in predicted}
-    chance = {named: _by_chance(verdict.of(named)) for named in predicted}
+    taken_off = everything.line_deg > 0.0
+    chance = {named: _by_chance(verdict.of(named), taken_off) for named in predicted}
     by_chance = {named: chance[named] / _gap_of(before, floors[named]) for named in predicted}
     by_refit = _closed(before, rmse(everything, refit, where), floor_deg)
     made = None
@@ -141,10 +142,10 @@ def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:
     return (before_deg**2 - after_deg**2) / _gap_of(before_deg, floor_deg)
 
 
-def _by_chance(scored: Scored) -> float:
+def _by_chance(scored: Scored, taken_off: bool) -> float:
     """Mean square by which a set moves trials in a way of their own, deg²."""
-    # A fast interference was taken off before: it closes nothing, unless it is all that is named.
-    off = scored.fast is not None and len(scored.named) > 1
+    # A fast interference that was taken off closes nothing, unless it is all that is named.
+    off = taken_off and scored.fast is not None and len(scored.named) > 1
     ports = ("zeros",) if off else ("zeros", "line")
     return sum(size**2 for name, size in scored.moved_deg.items() if LIBRARY[name].port in ports)
 

@@ -119,6 +119,9 @@ def _without(evidence: Evidence, hz: float) -> Evidence:
     trials = []
     for i, trial in enumerate(evidence.grid.trials):
         t = trial.t_s
+        if t[-1] <= t[0]:
+            trials.append(trial)
+            continue
         knots = np.linspace(t[0], t[-1], max(round(float(t[-1] - t[0]) / _WANDERS_S), 1) + 1)
         hats, phase = _hats(t, knots), 2.0 * np.pi * hz * t[:, None]
         both: list[Any] = [hats.multiply(np.sin(phase)), hats.multiply(np.cos(phase))]
