@@ -115,6 +115,24 @@ def test_what_is_pressed_harder_than_ever_and_bends_less_has_changed(tmp_path: P
     assert said[0].startswith("From 1")  # its step's second
 
 
+def test_what_the_held_out_trial_alone_shows_is_explained_from_all(tmp_path: Path) -> None:
+    """A sensor comes off between two logs, of which the second would be held out."""
+    campaigns.step_campaign(tmp_path / "steps", trials=2)
+    data = read_trials(read_campaign(tmp_path / "steps"))
+    model = fit_campaign(data, bootstrap=None).model
+    name = data.trials[0].experiment
+    first, second = (t for t in data.trials if t.experiment == name)
+    loose = replace(second, angle_deg=0.25 * second.angle_deg)
+    found = compare(data, replace(data, trials=(first, loose)), model)
+    assert found.change.held_out_on.startswith("what changed is in trials alone that would be held")
+    shares = found.change.where.stage
+    assert shares is not None
+    assert max(shares, key=lambda stage: shares[stage]) == "sensor"
+    assert found.change.sets
+    same = compare(data, replace(data, trials=(first, second)), model)
+    assert same.change.held_out_on.startswith("one trial of each of")
+
+
 @pytest.mark.parametrize("change", ["nothing", "an obstacle"])
 def test_an_angle_that_falls_is_compared_as_one_that_rises(change: str, tmp_path: Path) -> None:
     """And one that rests far from 0."""

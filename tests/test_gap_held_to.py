@@ -24,6 +24,7 @@ from spa_fo.gap.claim.expected import (
     differs,
     no_sensor_s_alone,
     not_compared,
+    only_held_out_differ,
     unnamed,
     with_equivalents,
 )
@@ -295,6 +296,28 @@ def test_all_trials_say_how_large_a_change_is_each_as_far_as_it_was_foretold() -
     other = replace(beyond, day=Scatter(0.1, 0.5, 0.0))
     _, expected = differs(known([2.0, 2.0], [0.0, 0.0]), np.full(100, 5.0), other)
     assert expected == pytest.approx(np.sqrt(4.0 + 0.25 + 0.25))
+
+
+def test_what_only_trials_that_are_held_out_show_is_told_from_what_all_do() -> None:
+    grid = SimpleNamespace(counts=np.ones(100), sample_trial=np.repeat([0, 1], 50))
+    day = Scatter(0.0, 0.0, 0.0)
+    beyond = Beyond(Spectrum(0.0, np.zeros(6)), day, day, angle_deg=2.0, trials=2)
+
+    def only(sizes: tuple[float, float], held: tuple[bool, bool]) -> bool:
+        angle = SimpleNamespace(**vars(grid), angle_deg=np.repeat(sizes, 50))
+        everything = SimpleNamespace(
+            grid=angle,
+            foreseen_deg=np.full(100, 2.0),
+            variance=np.zeros(100),
+            rows=[np.arange(50), np.arange(50, 100)],
+        )
+        return only_held_out_differ(cast(Any, everything), np.array(held), np.zeros(100), beyond)
+
+    assert only((1.0, 9.0), (False, True))
+    assert not only((9.0, 9.0), (False, True))
+    assert not only((9.0, 1.0), (False, True))
+    assert not only((1.0, 1.0), (False, True))
+    assert not only((1.0, 9.0), (False, False))
 
 
 DETACHED, LAG = ("sensor_detachment",), ("sensor_lag",)

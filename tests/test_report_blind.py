@@ -193,6 +193,19 @@ def test_priors_and_measured_actuators_are_on_the_page(scores: dict[str, Any]) -
     assert "Measured actuators" not in document(scores, ORIGIN, Further())
 
 
+def test_rigs_of_other_hands_have_their_sets_side_by_side(scores: dict[str, Any]) -> None:
+    others = [
+        Mark(number, "abcdef0", "1", "sixth_rig", 84, "found", "≥ 0.9", value, 10, reached)
+        for number, value, reached in ((1, "0.800", "no"), (2, "1.000", "yes"))
+    ]
+    page = document(scores, ORIGIN, Further(others=others))
+    part = page.split("## Rigs of other hands")[1].split("\n## ")[0]
+    assert "### Sixth rig" in part
+    assert "| mark | goal | set 1 | set 2 |" in part
+    assert "| found | ≥ 0.9 | **0.800** | 1.000 |" in part
+    assert "Rigs of other hands" not in document(scores, ORIGIN, Further())
+
+
 # --- the command ----------------------------------------------------------------------------------
 
 

@@ -28,7 +28,8 @@ from spa_fo.plant.effects.library import CONTRACT
 
 Record = TypeVar("Record")
 
-_AS_ASKED = 0.9  # an effect that reaches less of its size is graded by what it reaches
+AS_ASKED = 0.9
+"""Of its size: an effect that reaches less is graded by what it reaches."""
 _ROUNDING = 1e-3
 
 
@@ -214,12 +215,12 @@ def _size(asked: list[Any], reached: list[Any]) -> float | None:
     if not _is_short(asked, reached):
         return _number(asked[0])
     size = _number(reached[0])
-    return 2.0 ** math.floor(math.log2(size / _AS_ASKED)) if size > 0 else 0.0
+    return 2.0 ** math.floor(math.log2(size / AS_ASKED)) if size > 0 else 0.0
 
 
 def _is_short(asked: list[Any], reached: list[Any]) -> bool:
     sizes = zip(asked, reached, strict=True)
-    return any(_number(got) < _AS_ASKED * _number(wanted) for wanted, got in sizes)
+    return any(_number(got) < AS_ASKED * _number(wanted) for wanted, got in sizes)
 
 
 def _answer(document: Mapping[str, Any]) -> Answer:

@@ -97,12 +97,23 @@ class Further:
         What this run means; Markdown.
     measured : str
         What is said of measured campaigns in which nothing was changed; Markdown.
+    others : sequence of Mark
+        Of rigs of other hands, set by set.
     """
 
     history: Sequence[Mark] = ()
     priors: Priors = ()
     note: str = ""
     measured: str = ""
+    others: Sequence[Mark] = ()
+
+
+_OTHERS = """\
+Whoever wrote these had read neither the engine nor the two rigs above. Each set of cases was judged
+once, by the engine of the commit below it, before anybody here had looked at it; each column is a
+set. Cases are few: one of ten is ten points. All sets as a table:
+[other_rigs.csv]({folder}/other_rigs.csv). To judge on a rig of your own:
+`python -m blind.other_rig --help`."""
 
 
 def document(
@@ -154,6 +165,7 @@ def document(
         "## Errors",
         sections.errors(scores),
         *_measured(further.measured),
+        *_of_others(further.others, folder),
         "## All runs",
         _HISTORY.format(folder=folder),
         *_histories(further.history),
@@ -182,10 +194,17 @@ def _measured(text: str) -> Iterator[str]:
         yield text
 
 
-def _histories(history: Sequence[Mark]) -> Iterator[str]:
+def _of_others(others: Sequence[Mark], folder: str) -> Iterator[str]:
+    if others:
+        yield "## Rigs of other hands"
+        yield _OTHERS.format(folder=folder)
+        yield from _histories(others, "set")
+
+
+def _histories(history: Sequence[Mark], each: str = "seed") -> Iterator[str]:
     for rig in rigs_of(history):
         yield f"### {rig_name(rig).capitalize()}"
-        yield table(history, rig)
+        yield table(history, rig, each)
 
 
 def _method(scores: Mapping[str, Any]) -> str:
@@ -222,6 +241,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             priors=import_module("blind.surroundings").describe(),
             note=_part(beside / "note.md"),
             measured=_opening(beside / "measured_repeats.md"),
+            others=read_history(beside / "other_rigs.csv"),
         )
         page = document(scores, origin, further)
         _copy((path for name in _COPIED for path in sorted(given.results.glob(name))), beside)

@@ -137,10 +137,10 @@ def rigs_of(history: Iterable[Mark]) -> list[str]:
     return list(dict.fromkeys(mark.rig for mark in history if mark.rig != BOTH_RIGS))
 
 
-def table(history: Sequence[Mark], rig: str) -> str:
+def table(history: Sequence[Mark], rig: str, each: str = "seed") -> str:
     """Set the runs on one rig side by side, the first one left: what was missed is bold.
 
-    What is asked of the rigs together stands with each of them.
+    What is asked of the rigs together stands with each of them. `each` says what tells runs apart.
     """
     runs: dict[tuple[int, str, str], dict[str, Mark]] = {}
     for mark in history:
@@ -150,7 +150,7 @@ def table(history: Sequence[Mark], rig: str) -> str:
     judged = [[mark for mark in own.values() if mark.reached] for own in runs.values()]
     counts = [f"{sum(m.reached == 'yes' for m in own)} of {len(own)}" for own in judged]
     lines = [
-        f"| mark | goal | {' | '.join(_title(run) for run in runs)} |",
+        f"| mark | goal | {' | '.join(_title(run, each) for run in runs)} |",
         f"|:--|:--|{'--:|' * len(runs)}",
         *(
             f"| {name} | {limit} | {' | '.join(_cell(own.get(name)) for own in runs.values())} |"
@@ -162,9 +162,9 @@ def table(history: Sequence[Mark], rig: str) -> str:
     return "\n".join(lines)
 
 
-def _title(run: tuple[int, str, str]) -> str:
+def _title(run: tuple[int, str, str], each: str) -> str:
     seed, _, share = run
-    return f"seed {seed}" if share == "1" else f"seed {seed}, {percent(float(share))}"
+    return f"{each} {seed}" if share == "1" else f"{each} {seed}, {percent(float(share))}"
 
 
 def _cell(mark: Mark | None) -> str:

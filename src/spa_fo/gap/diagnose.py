@@ -34,6 +34,7 @@ from spa_fo.gap.claim.expected import (
     differs,
     no_sensor_s_alone,
     not_compared,
+    only_held_out_differ,
     times_missed_of_drive,
     unnamed,
     with_equivalents,
@@ -57,6 +58,8 @@ from spa_fo.validation import suggestion
 
 Progress = Callable[[str], None]
 Answer = tuple[Examined, Claim, Verdict]
+
+_ALL = "what changed is in trials alone that would be held out"
 
 
 def diagnose_campaign(
@@ -221,6 +224,12 @@ def _answered(
     examined = examine(data, plain, excluded, rng, progress, beyond)
     progress("predicting trials that took no part")
     claimed = claim(examined, examined.verdict, rng)
+    if beyond is not None and only_held_out_differ(
+        examined.everything, examined.held.trials, claimed.curves["plain"], beyond
+    ):
+        progress("once more with all trials: those that were held out alone show a change")
+        examined = examine(data, plain, excluded, rng, progress, beyond, _ALL)
+        claimed = claim(examined, examined.verdict, rng)
     verdict = held_to(examined.verdict, claimed)
     if beyond is None:
         progress("weighing laws that have no name against it")

@@ -17,6 +17,7 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, alike, same_filter
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 Ids = tuple[str, ...]
 
 SURELY = 2.0
@@ -105,22 +106,43 @@ def _way(size: float, whole: float) -> float:
     return float(np.clip((size - 1.0) / (whole - 1.0), 0.0, 1.0))
 
 
-def differs(everything: Evidence, plain_deg: Floats, beyond: Beyond) -> tuple[float, float]:
+def differs(
+    everything: Evidence, plain_deg: Floats, beyond: Beyond, trials: Bools | None = None
+) -> tuple[float, float]:
     """Give by how much a campaign differs from what its reference lets expect, and may, RMS, deg.
 
-    No trial took part in learning that, so all of them say it. Samples count the less the less is
-    known of them: of a ratio of squares whose variances v differ, the least certain in 1/v². What a
-    log's own zero may be off is taken off before, as far as it is unsure.
+    No trial took part in learning that, so all of them say it, or all those of `trials`, (trials,).
+    Samples count the less the less is known of them: of a ratio of squares whose variances v
+    differ, the least certain in 1/v². What a log's own zero may be off is taken off before, as far
+    as it is unsure.
     """
     grid = everything.grid
     variance = beyond.variance(everything, plain_deg)
     weights, left = grid.counts / variance**2, grid.angle_deg - plain_deg
+    if trials is not None:
+        weights = weights * trials[grid.sample_trial]
     expected = float(np.average(variance, weights=weights))
     unsure = beyond.zero_deg**2 / (beyond.zero_deg**2 + expected)
     for rows in everything.rows:
-        left[rows] -= unsure * np.average(left[rows], weights=weights[rows])
+        if weights[rows].any():
+            left[rows] -= unsure * np.average(left[rows], weights=weights[rows])
     size = float(np.average(left**2, weights=weights))
     return float(np.sqrt(size)), float(np.sqrt(expected))
+
+
+def only_held_out_differ(
+    everything: Evidence, held: Bools, plain_deg: Floats, beyond: Beyond
+) -> bool:
+    """Say whether something has changed, and all trials that are not `held` out lack it.
+
+    So it is where it came in the midst of a few trials: nobody could explain it from the others.
+    """
+    if beyond.broken or not held.any() or held.all():
+        return False
+    of_held, of_others = (
+        np.divide(*differs(everything, plain_deg, beyond, some)) for some in (held, ~held)
+    )
+    return bool(of_held > CLEARLY and of_others < beyond.changed)
 
 
 def times_missed_of_drive(everything: Evidence, beyond: Beyond) -> float | None:

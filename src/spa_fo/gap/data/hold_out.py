@@ -47,7 +47,13 @@ def hold_out(evidence: Evidence, rng: np.random.Generator) -> HeldOut:
         one = int(rng.integers(held.size))
         held[one] = True
         return HeldOut(held, f"{grid.trials[one].label}, the only one of its experiment")
-    return HeldOut(held, "no trial was left to hold out: figures are of the fitted trials")
+    return nothing_held_out(evidence)
+
+
+def nothing_held_out(evidence: Evidence, why: str = "no trial was left to hold out") -> HeldOut:
+    """Let all trials take part; `why` in words."""
+    none = np.zeros(len(evidence.grid.trials), dtype=bool)
+    return HeldOut(none, f"{why}: figures are of the fitted trials")
 
 
 def judged(evidence: Evidence, held: HeldOut) -> NDArray[np.bool_]:

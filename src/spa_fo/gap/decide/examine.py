@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence, collect, noise_floor, with_usual
-from spa_fo.gap.data.hold_out import HeldOut, hold_out
+from spa_fo.gap.data.hold_out import HeldOut, hold_out, nothing_held_out
 from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure, with_nominal
 from spa_fo.gap.decide.verdict import Verdict
 from spa_fo.gap.decide.weigh import decide
@@ -57,10 +57,11 @@ def examine(
     rng: np.random.Generator,
     progress: Progress = silent,
     beyond: Beyond | None = None,
+    why_all: str = "",
 ) -> Examined:
     """Fit and weigh every explanation; for the parameters see `diagnose`.
 
-    `rng` chooses the trials that are held out.
+    `rng` chooses the trials that are held out; where `why_all` says why not, none is.
     """
     check_driven(plain, data)
     by_command = data.campaign.command_is_pressure
@@ -71,6 +72,8 @@ def examine(
     data = replace(data, campaign=campaign)
     everything, given = collect(data), plain.transfer_function.as_array()
     excluded, held = tuple(excluded), hold_out(everything, rng)
+    if why_all:
+        held = nothing_held_out(everything, why_all)
     fast = NONE
     if at_port("line") not in excluded:
         fast = fast_line(replace(everything, takes_part=~held.trials))
