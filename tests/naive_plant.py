@@ -26,13 +26,26 @@ def low_pass(signal, time_constant):
     return np.array(out)
 
 
-def play(signal, width, centre):
-    out, position = [], 0.0
-    for value in signal:
-        if position < value - width * (1.0 - centre):
-            position = value - width * (1.0 - centre)
-        if position > value + width * centre:
-            position = value + width * centre
+def lag(signal, time_constant_s, second_pole, tail_share):
+    """One part through two filters, the other through one that is four times as late."""
+    mean = (1.0 - tail_share) + 4.0 * tail_share
+    quick = time_constant_s / mean
+    first = low_pass(low_pass(signal, quick * (1.0 - second_pole)), quick * second_pole)
+    return (1.0 - tail_share) * first + tail_share * low_pass(signal, 4.0 * quick)
+
+
+def play(signal, width, centre, wait=0.0):
+    out, position, told, rises, until = [], 0.0, 0.0, False, 0.0
+    for number, value in enumerate(signal):
+        if value != told:
+            if (value > told) != rises:
+                rises, until = not rises, number * MS + wait
+            told = value
+        if number * MS >= until - 1e-9:
+            if position < value - width * (1.0 - centre):
+                position = value - width * (1.0 - centre)
+            if position > value + width * centre:
+                position = value + width * centre
         out.append(position)
     return np.array(out)
 
@@ -72,11 +85,12 @@ def droop(
     return np.array(out)
 
 
-def leak(signal, rate, makeup, vented_share):
+def leak(signal, rate, makeup, vented_share, renewal):
     out, lost, before = [], 0.0, 0.0
     for value in signal:
         if 0.0 <= value < before:  # a part of what is lost goes out with what is vented
             lost = (1.0 - vented_share) * lost + vented_share * lost * value / before
+        lost /= math.exp(renewal * abs(value - before))
         before = value
         lost += MS * (rate * max(value - lost, 0.0) - makeup * lost)
         lost = min(lost, max(value, 0.0))

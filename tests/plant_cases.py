@@ -21,7 +21,7 @@ SIXTY = 55.0  # kPa: settles at 60 degrees
 # One visible size of each effect; what is not named here begins where searches do.
 SIZES: dict[str, dict[str, float]] = {
     "dead_time": {"delay_s": 0.13},
-    "line_lag": {"time_constant_s": 0.3, "second_pole": 0.3},
+    "line_lag": {"time_constant_s": 0.4, "second_pole": 0.3, "tail_share": 0.2},
     "supply_droop": {
         "fraction": 0.12,
         "recovery_s": 2.0,
@@ -31,9 +31,14 @@ SIZES: dict[str, dict[str, float]] = {
         "slower": 6.0,
         "steady_share": 0.4,
     },
-    "leak": {"rate_per_s": 0.02, "makeup_per_s": 0.05, "vented_share": 0.6},
+    "leak": {
+        "rate_per_s": 0.02,
+        "makeup_per_s": 0.05,
+        "vented_share": 0.6,
+        "renewal_per_kpa": 0.02,
+    },
     "slew_limit": {"rise_kpa_s": 60.0, "fall_ratio": 0.7, "approach_s": 0.05},
-    "drive_backlash": {"play_kpa": 3.0, "centre": 0.4, "kept": 1.0},
+    "drive_backlash": {"play_kpa": 3.0, "centre": 0.4, "kept": 1.0, "wait_s": 0.0},
     "stiffening": {"fraction_at_60deg": 0.15, "exponent": 2.2},
     "gravity_load": {"along_rest": 0.1, "across_rest": 0.1, "at_rest": 0.0},
     "contact_stop": {"angle_deg": 40.0, "stiffness": 3.0, "softness_deg": 4.0},
@@ -44,7 +49,7 @@ SIZES: dict[str, dict[str, float]] = {
     "parameter_shift": {},
     "sensor_nonlinearity": {"at_minus_10deg": 1.0, "at_24deg": 2.0, "at_60deg": -3.0},
     "sensor_saturation": {"ceiling_deg": 50.0, "knee_deg": 3.0},
-    "sensor_lag": {"time_constant_s": 0.3, "second_pole": 0.3},
+    "sensor_lag": {"time_constant_s": 0.3, "second_pole": 0.3, "tail_share": 0.2},
     "sensor_creep": {"per_decade": 0.06, "typical_s": 6.0, "decades": 0.8},
     "sensor_hysteresis": {"width_deg": 3.0, "turn_deg": 4.0, "exponent": 0.6},
     "sensor_slip": {"walk_deg": 0.4, "zero_deg": -1.0},

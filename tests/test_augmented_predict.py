@@ -66,10 +66,21 @@ def test_every_effect_is_read(name: str) -> None:
 
 def test_effects_stand_together_in_any_order() -> None:
     found = effects_vector(model(entry("sensor_lag"), entry("leak"), entry("creep")))
-    for name in ("leak", "creep", "sensor_lag"):
+    names = "leak", "creep", "sensor_lag"
+    for name in names:
         slots = LIBRARY[name].slots
         np.testing.assert_array_equal(found[slots], vector(name)[slots])
-    assert np.count_nonzero(~np.isnan(found)) == 8
+    given = sum(len(LIBRARY[name].parameters) for name in names)
+    assert np.count_nonzero(~np.isnan(found)) == given
+
+
+def test_a_model_of_before_a_parameter_was_added_means_it_at_zero() -> None:
+    old = entry("leak")
+    del old["parameters"]["renewal_per_kpa"]
+    assert effects_vector(model(old))[LIBRARY["leak"].slots][-1] == 0.0
+    del old["parameters"]["makeup_per_s"]
+    with pytest.raises(BadInput, match="makeup_per_s: missing, expected this key"):
+        effects_vector(model(old))
 
 
 def changed(name: str, change: Mapping[str, Any]) -> dict[str, Any]:

@@ -59,7 +59,8 @@ def test_a_delay_of_any_length_is_found(delay_s):
 
 
 def test_what_is_weak_alone_is_tried_beside_the_best():
-    found = examine_drive(driven([0.3] * 4, leak_per_s=0.01), RARE, X)
+    # A pump that waits where it turns would have both, on a step and its release.
+    found = examine_drive(driven([0.3] * 4, leak_per_s=0.01), (*RARE, "drive_backlash"), X)
     assert best(found, 1).ids == ("dead_time",)
     assert "dead_time" in best(found, 2).ids
     # Where nothing may be missed the second effect counts for a great deal.

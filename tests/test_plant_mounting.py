@@ -10,7 +10,7 @@ from plant_cases import KPA, X, step_release, trials, vector
 from spa_fo.plant.chain import chain_for
 from spa_fo.plant.grid import campaign_grid
 from spa_fo.plant.monotone import monotone_at, monotone_slopes
-from spa_fo.plant.specimen import Memory, Mounting
+from spa_fo.plant.specimen import FILM, Memory, Mounting
 
 KNOWN = np.arange(0.0, 91.0, 15.0)
 BIAS = np.array([1.4, 0.5, 0.1, -0.1, -0.3, -1.0, -2.9])
@@ -75,3 +75,10 @@ def test_a_film_that_rests_off_zero_reads_so_from_the_first_sample(delay_s):
     angle, _ = chain.mounted(Mounting(film=film)).run(X, effects)
     at_rest = chain.grid.time_s < 0.5
     np.testing.assert_allclose(angle[at_rest], 3.0, atol=1e-9)
+
+
+def test_a_film_of_before_lags_had_a_tail_has_none() -> None:
+    document = Mounting().to_dict()
+    assert Mounting.from_dict(document | {"film": document["film"][:-1]}).film.size == FILM
+    with pytest.raises(ValueError, match="do not belong together"):
+        Mounting.from_dict(document | {"film": document["film"][:-2]})

@@ -308,6 +308,8 @@ class _Entry:
     def _value(self, parameter: Parameter) -> float:
         key = f"parameters.{parameter.name}"
         if parameter.name not in self.effect["parameters"]:
+            if parameter.is_addition:
+                return 0.0
             self.refuse(key, "missing, expected this key")
         value = self._number(key, self.effect["parameters"][parameter.name])
         slack = _ROUNDING * max(abs(parameter.low), abs(parameter.high))

@@ -18,6 +18,9 @@ from spa_fo.plant.monotone import monotone_at, monotone_slopes
 
 Floats = NDArray[np.float64]
 
+FILM = 5 + CREEP_TIMES_S.size
+"""Numbers in the state of a sensor's film."""
+
 
 @dataclass(frozen=True)
 class Memory:
@@ -39,7 +42,7 @@ class Memory:
     creep: Floats = field(default_factory=lambda: np.zeros(CREEP_TIMES_S.size))
     stops: Floats = field(default_factory=lambda: np.zeros(STOPS + 1))
     virgin: Floats = field(default_factory=lambda: np.ones(MULLINS_LEVELS))
-    film: Floats = field(default_factory=lambda: np.zeros(4 + CREEP_TIMES_S.size))
+    film: Floats = field(default_factory=lambda: np.zeros(FILM))
     play_kpa: Floats = field(default_factory=lambda: np.zeros(2))
     ends_s: float = math.nan
 
@@ -100,7 +103,7 @@ class Mounting:
         the calibrated curve has taken up.
     """
 
-    film: Floats = field(default_factory=lambda: np.zeros(4 + CREEP_TIMES_S.size))
+    film: Floats = field(default_factory=lambda: np.zeros(FILM))
     known_deg: Floats = field(default_factory=lambda: np.zeros(1))
     bias_deg: Floats = field(default_factory=lambda: np.zeros(1))
 
@@ -144,6 +147,8 @@ class Mounting:
             np.asarray(document[name], dtype=np.float64)
             for name in ("film", "known_deg", "bias_deg")
         )
-        if film.shape != cls().film.shape or known.shape != bias.shape or known.ndim != 1:
+        if film.shape == (FILM - 1,):  # written before lags had a tail
+            film = np.append(film, 0.0)
+        if film.shape != (FILM,) or known.shape != bias.shape or known.ndim != 1:
             raise ValueError("film, known_deg and bias_deg do not belong together")
         return cls(film, known, bias)

@@ -368,7 +368,8 @@ def starts(problem: Explained, first: Floats, delays: Sequence[float] = ()) -> l
     """
     points = [first[: problem.free]]
     for slot in problem.slots:
-        delayed = delays and slot.parameter.name == "delay_s"
-        every = delays if delayed else slot.parameter.starts
+        every = slot.parameter.starts
+        if delays and slot.parameter.is_delay:
+            every = (*(v for v in every if v == 0.0), *delays)
         points = [np.append(point, slot.searched(v)) for point in points for v in every]
     return points

@@ -26,6 +26,7 @@ from spa_fo.gap.search.fitted import HOPE, Fitted, begun, price, settled, weighe
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, absent, beside, ordered
+from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -37,8 +38,8 @@ _SHARP = 4.0  # times a trial's median noise: rows beyond are about a jump
 _PAIRED = 4  # of the best single effects
 _ENOUGH, _MOST_TRIED = 0.01, 40  # of a search
 _BEST_STARTS = 2
-# A jump that comes late by many cells does not say which way it should move.
-_DELAYS_S = tuple(np.geomspace(0.01, 1.5, 30).tolist())
+# A jump that comes late by more than a cell does not say which way it should move.
+_DELAYS_S = (0.01, *(np.arange(1, 76, 2) * FINEST_STEP_S).tolist())
 _QUICK_S = 0.01  # a sensor's lag that no actuator feels
 _NOTHING_DEG = 0.02  # what the drive misses, in degrees of a static actuator
 

@@ -13,7 +13,7 @@ EFFECT = Effect(
     id="channel_latency",
     stage="acquisition",
     parameters=(
-        lateness("delay_s", "how late the angle is logged"),
+        lateness("delay_s", "how late the angle is logged", is_delay=True),
         Parameter(
             *("window_share", "1", 0.0, 0.6, 0.0, 1.0),
             starts=(0.2,),

@@ -10,7 +10,9 @@ from spa_fo.plant.memory import FINEST_STEP_S
 EFFECT = Effect(
     id="dead_time",
     stage="drive",
-    parameters=(lateness("delay_s", "how long the pressure waits after the command"),),
+    parameters=(
+        lateness("delay_s", "how long the pressure waits after the command", is_delay=True),
+    ),
     name="dead time of the drive",
     means="the pressure follows the command after a pure delay",
     remedy="look for the delay in the valve, the tube and the control loop; a shorter tube or a "

@@ -43,8 +43,8 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     if not math.isnan(e[DEAD_TIME]):
         delay_cells(p, starts, e[DEAD_TIME])
     if not math.isnan(e[DRIVE_BACKLASH]):
-        width, centre, kept = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 3]
-        follow_with_play(p, starts, width, centre, kept, play)
+        width, centre, kept, wait = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 4]
+        follow_with_play(p, starts, width, centre, kept, wait, play)
     if not math.isnan(e[SLEW_LIMIT]):
         slew(p, starts, e[SLEW_LIMIT], e[SLEW_LIMIT + 1], e[SLEW_LIMIT + 2])
     if not math.isnan(e[SUPPLY_DROOP]):
@@ -53,9 +53,13 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
         ]
         droop(p, starts, fraction, recovery, slow, exponent, throttled, slower, steady)
     if not math.isnan(e[LINE_LAG]):
-        slow, fast = poles(e[LINE_LAG], e[LINE_LAG + 1])
+        share = e[LINE_LAG + 2]
+        slow, fast, latest = poles(e[LINE_LAG], e[LINE_LAG + 1], share)
+        tail = p.copy()
+        low_pass(tail, starts, latest)
         low_pass(p, starts, slow)
         low_pass(p, starts, fast)
+        p += share * (tail - p)
     if not math.isnan(e[LEAK]):
-        lose(p, starts, e[LEAK], e[LEAK + 1], e[LEAK + 2])
+        lose(p, starts, e[LEAK], e[LEAK + 1], e[LEAK + 2], e[LEAK + 3])
     return p

@@ -1,10 +1,13 @@
-"""Play in the pump: after a reversal of the command the pressure waits."""
+"""Play in the pump: after a reversal of the command the pressure waits, for so far or so long."""
 
 from __future__ import annotations
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, share
 from spa_fo.plant.effects.shared import Floats, Integers
+from spa_fo.plant.memory import FINEST_STEP_S
+
+_SAME_KPA = 1e-4  # commands that differ by less are one: means over cells are rounded
 
 EFFECT = Effect(
     id="drive_backlash",
@@ -28,6 +31,13 @@ EFFECT = Effect(
             starts=(1.0, 0.0),
             means="part of its position that is kept from one trial to the next: 0 is vented",
         ),
+        Parameter(
+            *("wait_s", "s", 0.0, 0.12, 0.0, 2.0),
+            starts=(0.0, 0.6),
+            means="how long the pressure stays after a reversal, however far the command goes",
+            is_delay=True,
+            is_addition=True,
+        ),
     ),
     name="backlash of the drive",
     means="after a reversal of the command the pressure waits, as in a spindle or a dead band",
@@ -38,19 +48,35 @@ EFFECT = Effect(
 
 @njit
 def follow_with_play(
-    p: Floats, starts: Integers, width: float, centre: float, kept: float, play: Floats
+    p: Floats,
+    starts: Integers,
+    width: float,
+    centre: float,
+    kept: float,
+    wait: float,
+    play: Floats,
 ) -> None:
     """Play operator: the pressure stays between command - width(1 - centre) and + width·centre.
 
+    After a reversal it stays for `wait`, s, as well; a trial begins with one if its command rises.
     `play` is the position, kPa, and whether there is any; carried on in place. Of it a trial,
     whose first cell is in `starts`, begins with the part `kept`.
     """
-    position = play[0]
+    position, cells = play[0], wait / FINEST_STEP_S
     for trial in range(starts.size - 1):
         position *= kept
+        told, rises, since = 0.0, False, cells
         for i in range(starts[trial], starts[trial + 1]):
-            position = min(max(position, p[i] - width * (1.0 - centre)), p[i] + width * centre)
-            p[i] = position
+            if abs(p[i] - told) > _SAME_KPA:
+                if (p[i] > told) != rises:
+                    rises, since = not rises, 0.0
+                told = p[i]
+            since += 1.0
+            follows = min(max(since - cells, 0.0), 1.0)  # for which part of the cell
+            before = position
+            if follows > 0.0:
+                position = min(max(position, p[i] - width * (1.0 - centre)), p[i] + width * centre)
+            p[i] = before + follows * (position - before)
     play[0] = position
     play[1] = 1.0
 

@@ -78,6 +78,10 @@ class Parameter:
         as the unit says: degrees with the angle, kPa with the pressure.
     beyond_read : bool
         Whether it is an angle that nothing before can have been read beyond.
+    is_addition : bool
+        Whether it came to its effect later: model files that lack it mean 0.
+    is_delay : bool
+        Whether it is a pure delay: a search sees no further than how fast what it delays changes.
     """
 
     name: str
@@ -91,6 +95,8 @@ class Parameter:
     means: str = ""
     goes_with: tuple[float, float] | None = None
     beyond_read: bool = False
+    is_delay: bool = False
+    is_addition: bool = False
 
     def at(self, reach: Reach) -> Parameter:
         """Return what is plausible of it on a rig of another reach.
@@ -269,12 +275,24 @@ def shape(
 
 
 def share(
-    name: str, means: str = "", *, centre: float = 0.3, spread: float = 0.3, high: float = 1.0
+    name: str,
+    means: str = "",
+    *,
+    centre: float = 0.3,
+    spread: float = 0.3,
+    high: float = 1.0,
+    is_addition: bool = False,
 ) -> Parameter:
     """Make a parameter that is a part of something."""
-    return Parameter(name, "1", centre, spread, 0.0, high, starts=(centre,), means=means)
+    return Parameter(
+        *(name, "1", centre, spread, 0.0, high),
+        starts=(centre,),
+        means=means,
+        is_addition=is_addition,
+    )
 
 
-def lateness(name: str, means: str = "") -> Parameter:
+def lateness(name: str, means: str = "", *, is_delay: bool = False) -> Parameter:
     """Make a time by which something is late."""
-    return Parameter(name, "s", 0.0, 0.12, 0.0, 2.0, starts=(0.03, 0.12, 0.4), means=means)
+    starts = 0.03, 0.12, 0.4
+    return Parameter(name, "s", 0.0, 0.12, 0.0, 2.0, starts=starts, means=means, is_delay=is_delay)

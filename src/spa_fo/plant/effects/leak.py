@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Effect, amplitude, share
+from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, share
 from spa_fo.plant.effects.shared import Floats, Integers
 from spa_fo.plant.memory import FINEST_STEP_S
 
@@ -32,6 +34,13 @@ EFFECT = Effect(
             "part of the loss that a falling command takes along: all of it where the air is shut "
             "in, none where the supply falls by as much as it is told to",
         ),
+        Parameter(
+            *("renewal_per_kpa", "1/kPa", 0.0, 0.2, 0.0, 20.0),
+            starts=(0.0, 0.3),
+            means="how soon a command that changes makes the loss good: a valve that opens only "
+            "where it is told something new",
+            is_addition=True,
+        ),
     ),
     name="leak",
     means="pressure is lost while the command is held",
@@ -42,13 +51,19 @@ EFFECT = Effect(
 
 
 @njit
-def lose(p: Floats, starts: Integers, rate: float, makeup: float, vented: float) -> None:
-    """Lose pressure in proportion to itself; the supply makes good in proportion to the loss."""
+def lose(
+    p: Floats, starts: Integers, rate: float, makeup: float, vented: float, renewal: float
+) -> None:
+    """Lose pressure in proportion to itself; the supply makes good in proportion to the loss.
+
+    Of the loss a command that changes by Δ kPa leaves exp(-renewal·Δ).
+    """
     for trial in range(starts.size - 1):
         lost = before = 0.0
         for i in range(starts[trial], starts[trial + 1]):
             if 0.0 <= p[i] < before:
                 lost *= 1.0 - vented * (1.0 - p[i] / before)
+            lost *= math.exp(-renewal * abs(p[i] - before))
             before = p[i]
             lost += FINEST_STEP_S * (rate * max(p[i] - lost, 0.0) - makeup * lost)
             lost = min(lost, max(p[i], 0.0))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from spa_fo.plant.effects.effect import Effect
-from spa_fo.plant.effects.shared import two_poles
+from spa_fo.plant.effects.shared import lag
 
 EFFECT = Effect(
     id="line_lag",
     stage="drive",
-    parameters=two_poles(),
+    parameters=lag(),
     name="pneumatic lag of the line",
     means="tube and chamber fill slowly, so the pressure is a smoothed command",
     remedy="shorten or widen the tube, or put the regulator's sensor at the actuator",

@@ -15,7 +15,14 @@ from spa_fo.plant.effects.sensor_hysteresis import lag_behind
 from spa_fo.plant.effects.sensor_lag import follow
 from spa_fo.plant.effects.sensor_nonlinearity import bend_curve
 from spa_fo.plant.effects.sensor_saturation import saturate
-from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, Floats, Integers, creep_sizes, poles
+from spa_fo.plant.effects.shared import (
+    CREEP_TIMES_S,
+    CURVE_KNOTS_DEG,
+    Floats,
+    Integers,
+    creep_sizes,
+    poles,
+)
 
 SENSOR_NONLINEARITY = LIBRARY["sensor_nonlinearity"].first
 SENSOR_SATURATION = LIBRARY["sensor_saturation"].first
@@ -39,7 +46,8 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
     e : array
         Parameters of all effects, NaN where absent.
     film : array
-        State, carried on in place: hysteresis, last angle, two poles of the lag, creep elements.
+        State, carried on in place: hysteresis, last angle, two poles of the lag, creep elements,
+        the lag's tail.
     """
     y = angle.copy()
     if not math.isnan(e[SENSOR_NONLINEARITY]):
@@ -51,9 +59,14 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
         lag_behind(y, e[k], e[k + 1], e[k + 2], film)
     if not math.isnan(e[SENSOR_CREEP]):
         size = creep_sizes(e[SENSOR_CREEP], e[SENSOR_CREEP + 1], e[SENSOR_CREEP + 2])
-        drift_on(y, level, size, film[4:])
+        drift_on(y, level, size, film[4 : 4 + size.size])
     if not math.isnan(e[SENSOR_LAG]):
-        slow, fast = poles(e[SENSOR_LAG], e[SENSOR_LAG + 1])
+        share = e[SENSOR_LAG + 2]
+        slow, fast, latest = poles(e[SENSOR_LAG], e[SENSOR_LAG + 1], share)
+        tail = y.copy()
+        follow(tail, level, latest, film[4 + CREEP_TIMES_S.size :])
         follow(y, level, slow, film[2:3])
         follow(y, level, fast, film[3:4])
+        for i in range(y.size):
+            y[i] += share * (tail[i] - y[i])
     return y

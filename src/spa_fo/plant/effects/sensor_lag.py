@@ -6,13 +6,13 @@ import numpy as np
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Check, Effect
-from spa_fo.plant.effects.shared import Floats, Integers, two_poles
+from spa_fo.plant.effects.shared import Floats, Integers, lag
 from spa_fo.plant.memory import STEPS_S
 
 EFFECT = Effect(
     id="sensor_lag",
     stage="sensor",
-    parameters=two_poles(),
+    parameters=lag(),
     name="lag of the sensor",
     means="the reading follows the angle as through a low-pass",
     remedy="take filtering out of the sensor's circuit; check against a video of one step",

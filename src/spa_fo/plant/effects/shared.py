@@ -90,22 +90,32 @@ def creep_sizes(per_decade: float, typical_s: float, decades: float) -> Floats:
     return sizes
 
 
-def two_poles() -> tuple[Parameter, ...]:
-    """Give a lag of one pole or two."""
+_TAIL = 4.0  # times as late as the rest. Assumed: between the slow parts of lags that were seen.
+
+
+def lag() -> tuple[Parameter, ...]:
+    """Give a lag of one pole or two, and of a tail beside them."""
     return (
-        lateness("time_constant_s", "time constants added up: how late a slow change comes"),
+        lateness("time_constant_s", "how late a slow change comes, on the mean"),
         share(
             "second_pole",
             "part of it that a second, equal filter has: 0 is a single exponential",
             high=0.5,
         ),
+        Parameter(
+            *("tail_share", "1", 0.0, 0.2, 0.0, 0.7),
+            starts=(0.05,),
+            means="part of a change that comes four times as late as the rest",
+            is_addition=True,
+        ),
     )
 
 
 @njit
-def poles(time_constant: float, second: float) -> tuple[float, float]:
-    """Share a time constant out to two poles."""
-    return time_constant * (1.0 - second), time_constant * second
+def poles(time_constant: float, second: float, tail: float) -> tuple[float, float, float]:
+    """Share a mean lateness out to two poles in series, and to that of the tail beside them."""
+    quick = time_constant / (1.0 + (_TAIL - 1.0) * tail)
+    return quick * (1.0 - second), quick * second, _TAIL * quick
 
 
 _SOFT, _LEAST_S = 0.002, 0.25  # how long a switch takes: of the campaign, and at least

@@ -54,6 +54,7 @@ EFFECT = Effect(
             "steady_share",
             "part of the quick recovery that goes at a steady pace, as behind a pump",
             centre=0.2,
+            is_addition=True,
         ),
     ),
     name="droop of the supply",
