@@ -287,6 +287,18 @@ def test_one_trial_of_each_repeated_experiment_is_held_out_and_never_the_first()
         assert not held.trials[[0, 5, 9]].any()
 
 
+def test_where_few_can_be_held_out_it_is_those_that_show_a_gap():
+    names = [(i, name) for i, name in enumerate(["low", "high", "low", "high", "low", "high"])]
+    own = trials(names)
+    own.rows = [np.array([i]) for i in range(6)]
+    for missed, shows in (([0.3, 2.0] * 3, "high"), ([2.0, 0.3] * 3, "low")):
+        held = hold_out(own, np.random.default_rng(0), np.array(missed))
+        assert [t.experiment for t, h in zip(own.grid.trials, held.trials, strict=True) if h] == [
+            shows
+        ]
+        assert not held.trials[:2].any()
+
+
 def test_without_repeats_one_experiment_is_held_out():
     held = hold_out(trials(list(enumerate("abcd"))), np.random.default_rng(0))
     assert held.trials.sum() == 1

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,10 +14,10 @@ from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.bench import REST, Bench, bench_for
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.problem import AngleProblem
-from spa_fo.gap.search.explanations import Explanations, explain, screen
+from spa_fo.gap.search.explanations import Explanations, _equals, explain, screen
 from spa_fo.gap.search.fitted import HOPE, begun, fit, settled
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import IDS, LIBRARY, rare
+from spa_fo.plant.effects.library import IDS, LIBRARY, ordered, rare
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 
 GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
@@ -152,3 +154,36 @@ def test_repeats_that_a_slip_sets_apart_do_not_hide_it(clean: CampaignData) -> N
     assert bench.scales[REST] > 2.0 * SETTINGS.rest_scatter_deg
     assert problem.scales[REST] == SETTINGS.rest_scatter_deg
     np.testing.assert_array_equal(AngleProblem(bench, ("creep",)).scales, bench.scales)
+
+
+def weighed_fits(**logs: float) -> Any:
+    """Fits of sets, their effects joined by two underscores, of so much evidence."""
+    fits = {}
+    for joined, value in logs.items():
+        ids = ordered(joined.split("__"))
+        own = [
+            np.full(len(LIBRARY[n].parameters), value) for n in ids if LIBRARY[n].port == "chain"
+        ]
+        z = np.concatenate([np.full(5, value), *own])
+        fits[ids] = SimpleNamespace(ids=ids, logs=np.array([value, value - 9.0]), z=z)
+    return cast(Any, fits)
+
+
+def test_an_equal_is_tried_with_all_that_the_best_has() -> None:
+    fits = weighed_fits(
+        line_lag__creep=100.0,
+        line_lag__sensor_creep=97.0,
+        creep__sensor_lag=80.0,
+        line_lag=50.0,
+        creep__line_lag__hysteresis=150.0,
+    )
+    ((ids, (point,)),) = _equals(fits, ())
+    assert ids == ("line_lag", "hysteresis", "sensor_creep")
+    sizes = [len(LIBRARY[name].parameters) for name in ids]
+    assert point.tolist() == [*[97.0] * (5 + sizes[0]), *[150.0] * sizes[1], *[97.0] * sizes[2]]
+    assert _equals(fits, ("sensor_creep",)) == []
+    assert _equals(fits | weighed_fits(line_lag__hysteresis__sensor_creep=90.0), ()) == []
+
+
+def test_what_does_best_by_itself_has_no_equals_to_try() -> None:
+    assert _equals(weighed_fits(creep=100.0, sensor_creep=99.0), ()) == []

@@ -99,6 +99,8 @@ class Further:
         What is said of measured campaigns in which nothing was changed; Markdown.
     others : sequence of Mark
         Of rigs of other hands, set by set.
+    told : str
+        What is said of these; Markdown.
     """
 
     history: Sequence[Mark] = ()
@@ -106,6 +108,7 @@ class Further:
     note: str = ""
     measured: str = ""
     others: Sequence[Mark] = ()
+    told: str = ""
 
 
 _OTHERS = """\
@@ -165,7 +168,7 @@ def document(
         "## Errors",
         sections.errors(scores),
         *_measured(further.measured),
-        *_of_others(further.others, folder),
+        *_of_others(further, folder),
         "## All runs",
         _HISTORY.format(folder=folder),
         *_histories(further.history),
@@ -194,11 +197,12 @@ def _measured(text: str) -> Iterator[str]:
         yield text
 
 
-def _of_others(others: Sequence[Mark], folder: str) -> Iterator[str]:
-    if others:
+def _of_others(further: Further, folder: str) -> Iterator[str]:
+    if further.others:
         yield "## Rigs of other hands"
         yield _OTHERS.format(folder=folder)
-        yield from _histories(others, "set")
+        yield from _histories(further.others, "set")
+        yield further.told
 
 
 def _histories(history: Sequence[Mark], each: str = "seed") -> Iterator[str]:
@@ -225,7 +229,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m blind.report.document",
         description="Copy the results of the blind benchmark into the documents, with their page. "
-        "blind/note.md there becomes a part of it, and the beginning of blind/measured_repeats.md.",
+        "blind/note.md and blind/other_rigs.md there become parts of it, and so does how "
+        "blind/measured_repeats.md begins.",
     )
     parser.add_argument("results", type=Path, help="folder with scores.json, tables and figures")
     parser.add_argument("documents", type=Path, help="gets blind.md and blind/")
@@ -242,6 +247,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             note=_part(beside / "note.md"),
             measured=_opening(beside / "measured_repeats.md"),
             others=read_history(beside / "other_rigs.csv"),
+            told=_part(beside / "other_rigs.md"),
         )
         page = document(scores, origin, further)
         _copy((path for name in _COPIED for path in sorted(given.results.glob(name))), beside)

@@ -27,16 +27,20 @@ class HeldOut:
     text: str  # what they are, in words
 
 
-def hold_out(evidence: Evidence, rng: np.random.Generator) -> HeldOut:
+def hold_out(
+    evidence: Evidence, rng: np.random.Generator, missed_deg: Floats | None = None
+) -> HeldOut:
     """Draw one trial of each experiment that was repeated; else one of three or more experiments.
 
-    The first trial of an experiment stays: softening is seen in it.
+    The first trial of an experiment stays: softening is seen in it. Where only some experiments can
+    be held out, it is those whose trials the given model misses most, `missed_deg`, (n,), at the
+    averaged samples: a trial without a gap judges nothing.
     """
     grid = evidence.grid
     held = np.zeros(len(grid.trials), dtype=bool)
     most = max(1, int(_MOST * held.size))
     names = []
-    for name in dict.fromkeys(trial.experiment for trial in grid.trials):
+    for name in _by_gap(evidence, missed_deg):
         own = [i for i, trial in enumerate(grid.trials) if trial.experiment == name]
         if len(own) >= 2 and held.sum() < most:
             held[own[int(rng.integers(1, len(own)))]] = True
@@ -48,6 +52,22 @@ def hold_out(evidence: Evidence, rng: np.random.Generator) -> HeldOut:
         held[one] = True
         return HeldOut(held, f"{grid.trials[one].label}, the only one of its experiment")
     return nothing_held_out(evidence)
+
+
+def _by_gap(evidence: Evidence, missed_deg: Floats | None) -> list[str]:
+    """List experiments, those with the largest gap first; as they come where that is not known."""
+    trials = evidence.grid.trials
+    names = list(dict.fromkeys(trial.experiment for trial in trials))
+    if missed_deg is None:
+        return names
+    squares = [float(np.mean(missed_deg[rows] ** 2)) for rows in evidence.rows]
+
+    def gap(name: str) -> float:
+        return float(
+            np.mean([s for s, t in zip(squares, trials, strict=True) if t.experiment == name])
+        )
+
+    return sorted(names, key=gap, reverse=True)
 
 
 def nothing_held_out(evidence: Evidence, why: str = "no trial was left to hold out") -> HeldOut:

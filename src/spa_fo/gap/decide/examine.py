@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.data.evidence import Evidence, collect, noise_floor, with_usual
+from spa_fo.gap.data.evidence import Evidence, angle_chain, collect, noise_floor, with_usual
 from spa_fo.gap.data.hold_out import HeldOut, hold_out, nothing_held_out
 from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure, with_nominal
 from spa_fo.gap.decide.verdict import Verdict
@@ -21,7 +21,7 @@ from spa_fo.gap.noise.interference import NONE, fast_line, without_lines
 from spa_fo.gap.search.drive import Drive, examine_drive, joined
 from spa_fo.gap.search.explanations import Explanations, explain
 from spa_fo.plant import Model
-from spa_fo.plant.effects.library import LIBRARY, at_port
+from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 from spa_fo.rig import CampaignData
 
 Floats = NDArray[np.float64]
@@ -71,7 +71,11 @@ def examine(
     campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
     data = replace(data, campaign=campaign)
     everything, given = collect(data), plain.transfer_function.as_array()
-    excluded, held = tuple(excluded), hold_out(everything, rng)
+    missed_deg = None
+    if by_command and beyond is None:
+        plain_deg = angle_chain(everything, given, None).run(given, absent())[0]
+        missed_deg = everything.grid.angle_deg - plain_deg
+    excluded, held = tuple(excluded), hold_out(everything, rng, missed_deg)
     if why_all:
         held = nothing_held_out(everything, why_all)
     fast = NONE

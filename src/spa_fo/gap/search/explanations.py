@@ -44,6 +44,7 @@ _SINGLES, _HOSTS, _BESIDE = 8, 3, 3  # fitted alone; that get others beside them
 _BEST_STARTS = 2
 _FARTHEST = 4.0  # times the size that an effect is screened with
 WORTH_WEIGHING = 60.0  # nats behind the best
+_EQUAL, _MOST_EQUALS = 7.0, 4  # nats, of whole evidence: about one of tempered; so many are tried
 
 
 @dataclass(frozen=True)
@@ -189,7 +190,48 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     near = [f for f in near if not np.isfinite(f.logs).all()]
     for f in each(lambda f: weighed(bench, f), near):
         fits[f.ids] = f
+    for f in each(lambda f: weighed(bench, fit(bench, *f, plain)), _equals(fits, excluded)):
+        fits[f.ids] = f
     return Explanations(bench, fits, line, tuple(excluded))
+
+
+def _equals(fits: dict[Ids, Fitted], excluded: Sequence[str]) -> list[tuple[Ids, list[Floats]]]:
+    """List what the best explanation would be with an equal in place of most of it.
+
+    What does as well as all of it but one effect has not been tried beside that one: together they
+    may be as good.
+    """
+
+    def worth(f: Fitted) -> float:
+        return float(f.logs.max()) + beforehand(f.ids)
+
+    known = [f for f in fits.values() if np.isfinite(f.logs).all()]
+    known = [f for f in known if not set(f.ids) & set(excluded)]
+    best = max(known, key=worth)
+    found: dict[Ids, list[Floats]] = {}
+    for name in best.ids:
+        rest = fits.get(tuple(n for n in best.ids if n != name))
+        if rest is None or not rest.ids or not np.isfinite(rest.logs).all():
+            continue
+        for other in known:
+            ids = ordered((*other.ids, name))
+            alike = len(other.ids) == len(rest.ids) and worth(other) > worth(rest) - _EQUAL
+            if alike and name in beside(other.ids, (name,)) and ids not in fits:
+                found.setdefault(ids, [_together(other, best, name)])
+    return list(found.items())[:_MOST_EQUALS]
+
+
+def _together(one: Fitted, other: Fitted, name: str) -> Floats:
+    """Put the point of a fit together with what another one has of an effect."""
+    return np.concatenate(
+        [
+            one.z[:5],
+            *(
+                without_others(other if n == name else one, (n,))[5:]
+                for n in ordered((*one.ids, name))
+            ),
+        ]
+    )
 
 
 def _beside(

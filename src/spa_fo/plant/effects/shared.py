@@ -103,8 +103,9 @@ def lag() -> tuple[Parameter, ...]:
             high=0.5,
         ),
         Parameter(
-            *("tail_share", "1", 0.0, 0.2, 0.0, 0.7),
+            *("tail_share", "1", 0.0, 0.2, 0.0, 0.45),
             starts=(0.05,),
+            # Of more of it than of the rest a lag would be one of a longer time by another name.
             means="part of a change that comes four times as late as the rest",
             is_addition=True,
         ),
