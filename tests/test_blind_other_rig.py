@@ -73,6 +73,15 @@ def test_what_is_withheld_is_no_fair_answer_nor_what_only_pressure_tells(tmp_pat
         ({"effects": ["crep"]}, r"labels.json: \[0\].effects: is 'crep'; expected a known effect"),
         ({"floors": 0.0}, r"labels.json: \[0\].floors: is 0.0; expected a positive number"),
         ({"protocol": "poor"}, r"labels.json: \[0\].protocol: is 'poor'; expected rich or lean"),
+        ({"effects": None}, r"\[0\].effects: is None; expected a list"),
+        ({"effects": [["creep"]]}, r"\[0\].effects: is \['creep'\]; expected a known effect"),
+        ({"kind": ["none"]}, r"\[0\].kind: is \['none'\]; expected one of"),
+        ({"kind": "pair"}, r"\[0\].effects: holds 1, which a case of 'pair' does not"),
+        ({"kind": "none"}, r"\[0\].effects: holds 1, which a case of 'none' does not"),
+        ({"kind": "withheld"}, r"\[0\].exclude: lacks what is withheld"),
+        ({"floor_deg": None}, r"\[0\].floor_deg: is None; expected a positive number"),
+        ({"floors": float("inf")}, r"\[0\].floors: is inf; expected a positive number"),
+        ({"pressure": "no"}, r"\[0\].pressure: is 'no'; expected true or false"),
     ],
 )
 def test_a_bad_label_is_one_line(change: dict[str, Any], said: str, tmp_path: Path) -> None:
@@ -120,22 +129,34 @@ def test_a_case_is_diagnosed_once_and_an_error_is_an_answer(
     assert outcome(tmp_path, label, tmp_path / "work", 1) == found
 
 
-def test_a_set_that_is_judged_again_takes_its_own_place(
+def judge(folder: Path, rig: str, commit: str, work: str = "work") -> int:
+    told = ["--rig", rig, "--set", "1", "--commit", commit, "--work", str(folder / work)]
+    return main([str(folder), *told, "--out", str(folder / "others.csv"), "--processes", "1"])
+
+
+def test_a_set_is_judged_once_by_one_engine(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Also where another rig has a set of the same number."""
+    """Another rig may have a set of the same number."""
     labels(tmp_path, {"kind": "none", "effects": [], "floors": 0.0})
     work = tmp_path / "work" / "case_001"
     work.mkdir(parents=True)
     (work / "error.txt").write_text("no gap, no answer\n", encoding="utf-8")
-    out = tmp_path / "others.csv"
-    for rig, commit in (("one", "a"), ("two", "a"), ("one", "b")):
-        told = ["--rig", rig, "--set", "1", "--commit", commit, "--work", str(tmp_path / "work")]
-        assert main([str(tmp_path), *told, "--out", str(out), "--processes", "1"]) == 0
+    for rig in ("one", "two", "one"):
+        assert judge(tmp_path, rig, "a") == 0
     said = capsys.readouterr()
     assert "case_001  no_effect: no_effect  ->  error" in said.err
     assert "no effect: false alarms: 1.000 of 1, goal ≤ 0.02 missed" in said.out
-    assert {(mark.rig, mark.commit) for mark in read_history(out)} == {("two", "a"), ("one", "b")}
+    once = [(mark.rig, mark.commit) for mark in read_history(tmp_path / "others.csv")]
+    assert sorted(once) == [("one", "a"), ("two", "a")]
+    for rig, work_of, text in (
+        ("one", "other", "others.csv: holds set 1 of the one, judged by a"),
+        ("three", "work", 'made_by.json: expected {"commit": "b", "seed": 1}'),
+    ):
+        with pytest.raises(SystemExit) as left:
+            judge(tmp_path, rig, "b", work_of)
+        assert left.value.code == 2
+        assert text in capsys.readouterr().err
 
 
 def test_without_a_noise_floor_no_claim_is_judged(tmp_path: Path) -> None:

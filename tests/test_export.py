@@ -304,6 +304,23 @@ def test_linear_effects_of_the_drive_are_exported() -> None:
     assert "not of the actuator, so not included: sensor_lag" in text
 
 
+def test_the_tail_of_a_lag_is_exported() -> None:
+    made = export_model(replace(PLAIN, effects=(with_tail(0.3),)))
+    omega = np.array([0.3, 1.0, 4.0])
+    quick = 0.5 / 1.9
+    first = 1.0 / ((1 + 0.8j * quick * omega) * (1 + 0.2j * quick * omega))
+    lag = 0.7 * first + 0.3 / (1 + 4j * quick * omega)
+    plain = made.approximation.rational.response(omega)
+    assert made.rational.response(omega) == pytest.approx(plain * lag)
+    assert "; leads: " in "\n".join(made.statement())
+    none = export_model(replace(PLAIN, effects=(with_tail(0.0),)))
+    assert none.part.leads_s == ()
+
+
+def with_tail(share: float) -> dict[str, Any]:
+    return LAG | {"parameters": {**LAG["parameters"], "tail_share": share}}  # type: ignore[dict-item]
+
+
 def slew() -> dict[str, Any]:
     from spa_fo.plant.effects.library import LIBRARY
 

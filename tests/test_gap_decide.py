@@ -291,6 +291,7 @@ def test_where_few_can_be_held_out_it_is_those_that_show_a_gap():
     names = [(i, name) for i, name in enumerate(["low", "high", "low", "high", "low", "high"])]
     own = trials(names)
     own.rows = [np.array([i]) for i in range(6)]
+    own.grid.counts = np.ones(6)
     for missed, shows in (([0.3, 2.0] * 3, "high"), ([2.0, 0.3] * 3, "low")):
         held = hold_out(own, np.random.default_rng(0), np.array(missed))
         assert [t.experiment for t, h in zip(own.grid.trials, held.trials, strict=True) if h] == [

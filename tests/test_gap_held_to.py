@@ -318,6 +318,13 @@ def test_what_only_trials_that_are_held_out_show_is_told_from_what_all_do() -> N
     assert not only((9.0, 1.0), (False, True))
     assert not only((1.0, 1.0), (False, True))
     assert not only((1.0, 9.0), (False, False))
+    assert not only((1.0, 9.0), (True, True))
+    # A lone reference knows little: the others may differ by as much without any change.
+    beyond = replace(beyond, trials=1)
+    assert not only((6.4, 6.4), (False, True))
+    assert only((6.4, 15.0), (False, True))
+    beyond = replace(beyond, broken=True)
+    assert not only((1.0, 15.0), (False, True))
 
 
 DETACHED, LAG = ("sensor_detachment",), ("sensor_lag",)

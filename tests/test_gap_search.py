@@ -165,7 +165,7 @@ def weighed_fits(**logs: float) -> Any:
             np.full(len(LIBRARY[n].parameters), value) for n in ids if LIBRARY[n].port == "chain"
         ]
         z = np.concatenate([np.full(5, value), *own])
-        fits[ids] = SimpleNamespace(ids=ids, logs=np.array([value, value - 9.0]), z=z)
+        fits[ids] = SimpleNamespace(ids=ids, logs=np.array([value, value - 9.0]), quick=value, z=z)
     return cast(Any, fits)
 
 
@@ -183,6 +183,26 @@ def test_an_equal_is_tried_with_all_that_the_best_has() -> None:
     assert point.tolist() == [*[97.0] * (5 + sizes[0]), *[150.0] * sizes[1], *[97.0] * sizes[2]]
     assert _equals(fits, ("sensor_creep",)) == []
     assert _equals(fits | weighed_fits(line_lag__hysteresis__sensor_creep=90.0), ()) == []
+
+
+def test_equals_are_those_of_what_wins_the_nearest_first_whether_weighed_or_not() -> None:
+    fits = weighed_fits(
+        line_lag__creep=200.0,
+        creep=60.0,
+        stiffening=54.0,
+        gravity_load=55.0,
+        contact_stop=55.5,
+        mullins_softening=56.0,
+        sensor_creep=61.0,
+        sensor_lag=140.0,  # far better than the rest: no equal of it
+        # A little better, and not worth its price.
+        line_lag__creep__hysteresis=203.0,
+    )
+    fits[("creep",)].logs[:] = -np.inf
+    ids = [ids for ids, _ in _equals(fits, ())]
+    assert ids[0] == ("line_lag", "sensor_creep")
+    assert len(ids) == 4
+    assert not {("line_lag", "stiffening"), ("line_lag", "sensor_lag")} & set(ids)
 
 
 def test_what_does_best_by_itself_has_no_equals_to_try() -> None:

@@ -546,7 +546,6 @@ def test_values_beyond_their_bounds_are_taken_to_them() -> None:
             "rate_per_s": 9.0,
             "makeup_per_s": makeup,
             "vented_share": 0.3,
-            "renewal_per_kpa": 0.0,
         }
     }
     assert rival(("leak",), given_values, COEFFICIENTS).effects[LIBRARY["leak"].first] == 0.3

@@ -91,17 +91,28 @@ def test_a_pump_with_play_waits_for_a_time_as_well() -> None:
         np.repeat(jerky(), CELL), parameters("drive_backlash", **changes)
     )
     found = pressure(jerky(), vector("drive_backlash", **changes))
-    np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)
+    # That a ramp has turned is seen a little later: a logged command is not exact.
+    np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.2)
     waits, turned = 7, 60
     assert found[turned : turned + waits].tolist() == [0.0] * waits
     assert found[turned + waits] == pytest.approx(0.5 * (20.0 - 2.0 * 0.6))
     assert found[2 * turned] == pytest.approx(50.0 - 2.0 * 0.6)
 
 
-def test_rounding_of_a_command_is_no_reversal() -> None:
-    command = np.full(200, 30.0) + 1e-9 * (-1.0) ** np.arange(200)
+def test_a_command_that_is_logged_with_noise_turns_only_where_it_does() -> None:
+    command = np.repeat([0.0, 30.0, 10.0], 100) + 0.05 * (-1.0) ** np.arange(300)
     effects = vector("drive_backlash", play_kpa=0.0, wait_s=0.1)
-    assert (pressure(command, effects)[50:] > 29.9).all()
+    found = pressure(command, effects)
+    np.testing.assert_allclose(found[[104, 106]], [0.0, 30.0], atol=0.1)
+    np.testing.assert_allclose(found[[204, 206]], [30.0, 10.0], atol=0.1)
+
+
+@pytest.mark.parametrize("idle", [0.0, 0.1])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_first_move_of_a_trial_waits_whichever_way_it_goes(idle: float, sign: float) -> None:
+    command = sign * np.repeat([idle, 30.0], 50)
+    found = pressure(command, vector("drive_backlash", play_kpa=0.0, wait_s=0.1))
+    np.testing.assert_allclose(sign * found[[54, 55]], [idle, 30.0], atol=0.2)
 
 
 def test_a_leak_is_made_good_where_the_command_changes() -> None:

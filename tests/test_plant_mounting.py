@@ -77,8 +77,9 @@ def test_a_film_that_rests_off_zero_reads_so_from_the_first_sample(delay_s):
     np.testing.assert_allclose(angle[at_rest], 3.0, atol=1e-9)
 
 
-def test_a_film_of_before_lags_had_a_tail_has_none() -> None:
-    document = Mounting().to_dict()
-    assert Mounting.from_dict(document | {"film": document["film"][:-1]}).film.size == FILM
-    with pytest.raises(ValueError, match="do not belong together"):
-        Mounting.from_dict(document | {"film": document["film"][:-2]})
+@pytest.mark.parametrize("kind", [Mounting, Memory])
+def test_a_film_of_before_lags_had_a_tail_has_none(kind) -> None:
+    document = kind().to_dict()
+    assert kind.from_dict(document | {"film": document["film"][:-1]}).film.size == FILM
+    with pytest.raises(ValueError, match="film"):
+        kind.from_dict(document | {"film": document["film"][:-2]})

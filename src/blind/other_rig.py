@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numba
 
@@ -43,6 +43,14 @@ _KINDS = {
     "withheld": "withheld",
     "foreign": "alien",
 }
+_COUNTS = {
+    "none": (0, 0),
+    "single": (1, 1),
+    "pair": (2, 2),
+    "several": (3, 5),
+    "withheld": (1, 1),
+    "foreign": (0, 0),
+}
 _RICH, _LEAN = "rich", "lean"
 _UNSAID = Surroundings(
     "exponential", math.nan, None, math.nan, math.nan, math.nan, "none", math.nan, math.nan, 0, True
@@ -66,12 +74,13 @@ labels.json is a list of
    "kind": "none" | "single" | "pair" | "several" | "withheld" | "foreign",
    "effects": ["creep"],       what is at work; none of a foreign one
    "exclude": ["creep"],       what the library is to lack
-   "floors": 4.0,              size of one effect, in noise floors
+   "floors": 4.0,              size of a single or withheld effect, in noise floors
    "floor_deg": 0.3,           by which repeats differ; without it no claim is judged
    "protocol": "rich",         repeats and releases; "lean" for less
    "pressure": true}           whether it was measured; true where it is missing
 
-A case that has been diagnosed in the --work folder is not diagnosed again.
+A case that has been diagnosed in the --work folder is not diagnosed again, and a set that another
+commit has judged is not judged again.
 """
 
 
@@ -89,7 +98,7 @@ def read_labels(path: Path, rig: str) -> tuple[Label, ...]:
     Raises
     ------
     BadInput
-        There is no such file; a label lacks a key, or holds what it may not.
+        There is no such file; a label lacks a key, holds what it may not, or contradicts itself.
     """
     try:
         labels = json.loads(path.read_text(encoding="utf-8"))
@@ -97,51 +106,81 @@ def read_labels(path: Path, rig: str) -> tuple[Label, ...]:
         raise BadInput(path, f"expected a list of labels as JSON: {error}") from error
     if not isinstance(labels, list) or not all(isinstance(one, dict) for one in labels):
         raise BadInput(path, "expected a list of JSON objects")
-    return tuple(_label(one, rig, path, f"[{place}]") for place, one in enumerate(labels))
+    return tuple(_Reader(one, path, f"[{place}]").label(rig) for place, one in enumerate(labels))
 
 
-def _label(label: Mapping[str, Any], rig: str, path: Path, where: str) -> Label:
-    lost = [key for key in ("id", "kind", "effects", "exclude", "floors") if key not in label]
-    if lost:
-        raise BadInput(path, "is missing", f"{where}.{lost[0]}")
-    kind = label["kind"]
-    if kind not in _KINDS:
-        raise BadInput(path, f"is {kind!r}; expected one of {', '.join(_KINDS)}", f"{where}.kind")
-    for key in ("effects", "exclude"):
-        for name in label[key]:
-            if name not in LIBRARY:
-                raise BadInput(path, f"is {name!r}; expected a known effect", f"{where}.{key}")
-    protocol = label.get("protocol", _RICH)
-    if protocol not in (_RICH, _LEAN):
-        raise BadInput(path, f"is {protocol!r}; expected rich or lean", f"{where}.protocol")
-    effects, exclude = frozenset(label["effects"]), tuple(label["exclude"])
-    pressure = bool(label.get("pressure", True))
-    missing = kind == "withheld"
-    fair = frozenset(e for name in effects for e in equivalents(name, pressure)) - set(exclude)
-    further = kind == "single" and not effects <= set(CONTRACT)
-    sized = kind in ("single", "withheld", "foreign")
-    truth = Truth(
-        case=str(label["id"]),
-        rig=rig,
-        kind="further" if further else _KINDS[kind],
-        effects=effects,
-        equivalents=fair if missing else frozenset(),
-        size=_size(label["floors"], path, where) if sized else None,
-        noise_floor_deg=float(label.get("floor_deg", math.nan)),
-        protocol="rich" if protocol == _RICH else "up_steps",
-        repeats=2 if protocol == _RICH else 1,
-        order="interleaved",
-        model="earlier",
-        surroundings=_UNSAID,
-    )
-    return Label(truth, exclude)
+@dataclass(frozen=True)
+class _Reader:
+    """A label in a file, read key by key."""
 
+    given: Mapping[str, Any]
+    path: Path
+    where: str
 
-def _size(floors: Any, path: Path, where: str) -> float:
-    """Give the largest power of two that a size reaches nine tenths of: goals are set for these."""
-    if isinstance(floors, bool) or not isinstance(floors, int | float) or not floors > 0.0:
-        raise BadInput(path, f"is {floors!r}; expected a positive number", f"{where}.floors")
-    return float(2.0 ** math.floor(math.log2(floors / AS_ASKED)))
+    def label(self, rig: str) -> Label:
+        kind, effects = self._kind(), self._names("effects")
+        exclude, protocol = self._names("exclude"), self._key("protocol", _RICH)
+        at_least, at_most = _COUNTS[kind]
+        if not at_least <= len(effects) <= at_most:
+            self._refuse("effects", f"holds {len(effects)}, which a case of '{kind}' does not")
+        if kind == "withheld" and not set(effects) <= set(exclude):
+            self._refuse("exclude", "lacks what is withheld")
+        if protocol not in (_RICH, _LEAN):
+            self._refuse("protocol", f"is {protocol!r}; expected rich or lean")
+        pressure = self._key("pressure", True)
+        if not isinstance(pressure, bool):
+            self._refuse("pressure", f"is {pressure!r}; expected true or false")
+        fair = {e for name in effects for e in equivalents(name, pressure)} - set(exclude)
+        further = kind == "single" and not set(effects) <= set(CONTRACT)
+        truth = Truth(
+            case=str(self._key("id")),
+            rig=rig,
+            kind="further" if further else _KINDS[kind],
+            effects=frozenset(effects),
+            equivalents=frozenset(fair if kind == "withheld" else ()),
+            size=self._size() if kind in ("single", "withheld") else None,
+            noise_floor_deg=self._positive("floor_deg") if "floor_deg" in self.given else math.nan,
+            protocol="rich" if protocol == _RICH else "up_steps",
+            repeats=2 if protocol == _RICH else 1,
+            order="interleaved",
+            model="earlier",
+            surroundings=_UNSAID,
+        )
+        return Label(truth, exclude)
+
+    def _kind(self) -> str:
+        kind = self._key("kind")
+        if not isinstance(kind, str) or kind not in _KINDS:
+            self._refuse("kind", f"is {kind!r}; expected one of {', '.join(_KINDS)}")
+        return str(kind)
+
+    def _names(self, key: str) -> tuple[str, ...]:
+        names = self._key(key)
+        if not isinstance(names, list):
+            self._refuse(key, f"is {names!r}; expected a list")
+        for name in names:
+            if not isinstance(name, str) or name not in LIBRARY:
+                self._refuse(key, f"is {name!r}; expected a known effect")
+        return tuple(names)
+
+    def _size(self) -> float:
+        """Give the largest power of two that a size reaches nine tenths of: goals are for these."""
+        return float(2.0 ** math.floor(math.log2(self._positive("floors") / AS_ASKED)))
+
+    def _positive(self, key: str) -> float:
+        value = self._key(key)
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not 0.0 < value < math.inf:
+            self._refuse(key, f"is {value!r}; expected a positive number")
+        return float(value)
+
+    def _key(self, key: str, otherwise: Any = None) -> Any:
+        if key not in self.given and otherwise is None:
+            self._refuse(key, "is missing")
+        return self.given.get(key, otherwise)
+
+    def _refuse(self, key: str, text: str) -> NoReturn:
+        raise BadInput(self.path, text, f"{self.where}.{key}")
 
 
 def outcome(cases: Path, label: Label, work: Path, seed: int) -> Outcome:
@@ -214,6 +253,23 @@ def marks_of(outcomes: Sequence[Outcome], number: int, commit: str) -> list[Mark
     ]
 
 
+def _judged_once(known: Sequence[Mark], path: Path, rig: str, number: int, commit: str) -> None:
+    """Refuse a set that another engine has judged: its answers have been read."""
+    for mark in known:
+        if (mark.rig, mark.seed) == (rig, number) and mark.commit != commit:
+            raise BadInput(path, f"holds set {number} of the {rig}, judged by {mark.commit}")
+
+
+def _by_one_engine(work: Path, made: Mapping[str, Any]) -> None:
+    """Refuse a folder with diagnoses of another engine or seed."""
+    note = work / "made_by.json"
+    if not note.is_file():
+        work.mkdir(parents=True, exist_ok=True)
+        write_text(note, json.dumps(made) + "\n")
+    elif json.loads(note.read_text(encoding="utf-8")) != made:
+        raise BadInput(note, f"expected {json.dumps(made)}: diagnoses of one engine and seed")
+
+
 def _lines(outcomes: Sequence[Outcome]) -> Iterator[str]:
     """Say of each case what it is, and what was answered."""
     for one in outcomes:
@@ -243,6 +299,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with bad_input_exits():
         labels = read_labels(given.cases / "labels.json", given.rig)
         known = read_history(given.out)
+        _judged_once(known, given.out, given.rig, given.number, given.commit)
+        _by_one_engine(given.work, {"commit": given.commit, "seed": given.seed})
         tasks = [(given.cases, label, given.work, given.seed) for label in labels]
         with ProcessPoolExecutor(
             given.processes, mp_context=get_context("spawn"), initializer=_alone

@@ -198,11 +198,12 @@ def _measured(text: str) -> Iterator[str]:
 
 
 def _of_others(further: Further, folder: str) -> Iterator[str]:
-    if further.others:
+    if further.others or further.told:
         yield "## Rigs of other hands"
+    if further.others:
         yield _OTHERS.format(folder=folder)
         yield from _histories(further.others, "set")
-        yield further.told
+    yield further.told
 
 
 def _histories(history: Sequence[Mark], each: str = "seed") -> Iterator[str]:

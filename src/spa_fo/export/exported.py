@@ -143,7 +143,7 @@ def export_model(
         sample_time = min(_SAMPLE_TIME_S, 100.0 / (band.high * _FASTEST))
     try:
         approximation = approximate(g, options.method or "fitted", band, options.order)
-        rational = approximation.rational.followed_by(part.lags_s)
+        rational = approximation.rational.followed_by(part.lags_s, part.leads_s)
         filtered = discretise(rational, sample_time, options.hold, part.dead_time_s)
         bare = discretise(approximation.rational, sample_time, options.hold)
     except ValueError as error:
@@ -196,7 +196,8 @@ def _description(made: Exported) -> list[str]:
         lines.append(f"dead time of the drive: {part.dead_time_s:.6g} s before the input")
     if part.lags_s:
         lags = " and ".join(f"{lag:.4g} s" for lag in part.lags_s if lag > 0.0)
-        lines.append(f"lags of the drive are included: {lags}")
+        leads = " and ".join(f"{lead:.4g} s" for lead in part.leads_s if lead > 0.0)
+        lines.append(f"lags of the drive are included: {lags}" + f"; leads: {leads}" * bool(leads))
     if part.left_out:
         lines.append(
             f"LEFT OUT, this is the linear part only: {', '.join(part.left_out)} (not linear)"

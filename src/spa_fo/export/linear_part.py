@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from spa_fo.errors import BadInput
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import effects_vector, law_in
 from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.shared import poles
 from spa_fo.plant.law import LAW
 from spa_fo.plant.static_curve import ID as STATIC_CURVE
 
@@ -26,6 +28,8 @@ class LinearPart:
         Pure delay of the drive.
     lags_s : tuple of float
         Time constants of its first-order lags.
+    leads_s : tuple of float
+        Those of the factors 1 + T s that the tail of a lag leaves above them.
     included : tuple of str
         Effects that are exported.
     left_out : tuple of str
@@ -36,6 +40,7 @@ class LinearPart:
 
     dead_time_s: float = 0.0
     lags_s: tuple[float, ...] = ()
+    leads_s: tuple[float, ...] = ()
     included: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     not_of_the_actuator: tuple[str, ...] = ()
@@ -68,6 +73,7 @@ def linear_part(
     vector, law = effects_vector(model, source), law_in(model, source)
     dead_time = 0.0
     lags: tuple[float, ...] = ()
+    leads: tuple[float, ...] = ()
     included: list[str] = []
     left_out: list[str] = []
     measuring: list[str] = []
@@ -87,7 +93,7 @@ def linear_part(
             dead_time = float(values[0])
             included.append(name)
         elif name == "line_lag":
-            lags = (float(values[0] * (1.0 - values[1])), float(values[0] * values[1]))
+            lags, leads = _of_lag(*values.tolist())
             included.append(name)
         elif name == "parameter_shift":
             included.append(name)
@@ -100,4 +106,18 @@ def linear_part(
             "the rest and says so",
             "effects",
         )
-    return LinearPart(dead_time, lags, tuple(included), tuple(left_out), tuple(measuring))
+    return LinearPart(dead_time, lags, leads, tuple(included), tuple(left_out), tuple(measuring))
+
+
+def _of_lag(
+    time_constant: float, second: float, tail: float
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Write a lag with a tail, (1 - w)/((1 + a s)(1 + b s)) + w/(1 + c s), as lags and leads."""
+    a, b, c = poles(time_constant, second, tail)
+    if tail == 0.0:
+        return (a, b), ()
+    # As c is 4 (a + b) both zeros are real.
+    total, product = (1.0 - tail) * c + tail * (a + b), tail * a * b
+    root = math.sqrt(total**2 - 4.0 * product)
+    larger = 0.5 * (total + root)
+    return (a, b, c), (larger, product / larger if larger > 0.0 else 0.0)

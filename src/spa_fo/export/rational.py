@@ -79,10 +79,12 @@ class Rational:
         value /= np.prod(1.0 - s / poles[count:], axis=1)
         return np.asarray(self.gain * value).reshape(np.shape(omega))
 
-    def followed_by(self, time_constants: Sequence[float]) -> Rational:
-        """Return the product with first-order lags 1/(1 + T s)."""
-        added = [-1.0 / constant for constant in time_constants if constant > 0.0]
-        return Rational(self.zeros, np.append(self.poles, added).astype(complex), self.gain)
+    def followed_by(self, lags_s: Sequence[float], leads_s: Sequence[float] = ()) -> Rational:
+        """Return the product with first-order lags 1/(1 + T s) and leads 1 + T s."""
+        poles, zeros = ([-1.0 / t for t in times if t > 0.0] for times in (lags_s, leads_s))
+        return Rational(
+            np.append(self.zeros, zeros), np.append(self.poles, poles).astype(complex), self.gain
+        )
 
     def state_space(self) -> StateSpace:
         """Realise it as a chain of first- and second-order sections of unit static gain.

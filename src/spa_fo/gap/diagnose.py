@@ -59,7 +59,7 @@ from spa_fo.validation import suggestion
 Progress = Callable[[str], None]
 Answer = tuple[Examined, Claim, Verdict]
 
-_ALL = "what changed is in trials alone that would be held out"
+_ALL = "none, as only what would be held out shows the change"
 
 
 def diagnose_campaign(

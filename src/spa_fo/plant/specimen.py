@@ -22,6 +22,12 @@ FILM = 5 + CREEP_TIMES_S.size
 """Numbers in the state of a sensor's film."""
 
 
+def _film(values: Any) -> Floats:
+    """Read the state of a film, also one that was written before lags had a tail."""
+    film = np.asarray(values, dtype=np.float64)
+    return np.append(film, 0.0) if film.shape == (FILM - 1,) else film
+
+
 @dataclass(frozen=True)
 class Memory:
     """What a specimen remembers: a virgin one by default.
@@ -81,8 +87,9 @@ class Memory:
         if pairs.shape != (MODES, 2):
             raise ValueError(f"modes: expected {MODES} pairs of numbers")
         arrays: dict[str, Any] = {"modes": pairs[:, 0] + 1j * pairs[:, 1]}
-        for name in ("creep", "stops", "virgin", "film", "play_kpa"):
+        for name in ("creep", "stops", "virgin", "play_kpa"):
             arrays[name] = np.asarray(document[name], dtype=np.float64)
+        arrays["film"] = _film(document["film"])
         for name, value in arrays.items():
             if value.shape != getattr(fresh, name).shape:
                 raise ValueError(f"{name}: expected {getattr(fresh, name).size} values")
@@ -143,12 +150,10 @@ class Mounting:
         KeyError, TypeError, ValueError
             Something else was written.
         """
-        film, known, bias = (
-            np.asarray(document[name], dtype=np.float64)
-            for name in ("film", "known_deg", "bias_deg")
+        film = _film(document["film"])
+        known, bias = (
+            np.asarray(document[name], dtype=np.float64) for name in ("known_deg", "bias_deg")
         )
-        if film.shape == (FILM - 1,):  # written before lags had a tail
-            film = np.append(film, 0.0)
         if film.shape != (FILM,) or known.shape != bias.shape or known.ndim != 1:
             raise ValueError("film, known_deg and bias_deg do not belong together")
         return cls(film, known, bias)

@@ -51,7 +51,7 @@ def beyond_expected(
     claimed : Claim, optional
         What sets close of it; without one no set is a part of what is not expected.
     """
-    whole = 1.0 + SURELY * (changed - 1.0)
+    whole = _surely(changed)
     something = max(_way(size, whole), float((drive_size or 0.0) > CLEARLY))
     if something == 1.0:
         verdict = _something(too_large_for_none(verdict, claimed))
@@ -101,6 +101,11 @@ def _trust(named: Ids, size: float, whole: float, drive_size: float | None) -> f
     )
 
 
+def _surely(changed: float) -> float:
+    """Give the ratio from which on something has changed for sure."""
+    return 1.0 + SURELY * (changed - 1.0)
+
+
 def _way(size: float, whole: float) -> float:
     """Say how far a size is on the way from what is expected to what is clear."""
     return float(np.clip((size - 1.0) / (whole - 1.0), 0.0, 1.0))
@@ -137,12 +142,13 @@ def only_held_out_differ(
 
     So it is where it came in the midst of a few trials: nobody could explain it from the others.
     """
-    if beyond.broken or not held.any() or held.all():
+    with_rows = np.bincount(everything.grid.sample_trial, minlength=held.size) > 0
+    if beyond.broken or not (held & with_rows).any() or not (~held & with_rows).any():
         return False
     of_held, of_others = (
         np.divide(*differs(everything, plain_deg, beyond, some)) for some in (held, ~held)
     )
-    return bool(of_held > CLEARLY and of_others < beyond.changed)
+    return bool(of_held > max(CLEARLY, _surely(beyond.changed)) and of_others < beyond.changed)
 
 
 def times_missed_of_drive(everything: Evidence, beyond: Beyond) -> float | None:

@@ -60,12 +60,12 @@ def _by_gap(evidence: Evidence, missed_deg: Floats | None) -> list[str]:
     names = list(dict.fromkeys(trial.experiment for trial in trials))
     if missed_deg is None:
         return names
-    squares = [float(np.mean(missed_deg[rows] ** 2)) for rows in evidence.rows]
+    counts = evidence.grid.counts
 
     def gap(name: str) -> float:
-        return float(
-            np.mean([s for s, t in zip(squares, trials, strict=True) if t.experiment == name])
-        )
+        rows = [r for r, t in zip(evidence.rows, trials, strict=True) if t.experiment == name]
+        own = np.concatenate(rows)
+        return float(counts[own] @ missed_deg[own] ** 2) / max(float(counts[own].sum()), 1e-9)
 
     return sorted(names, key=gap, reverse=True)
 
@@ -73,7 +73,7 @@ def _by_gap(evidence: Evidence, missed_deg: Floats | None) -> list[str]:
 def nothing_held_out(evidence: Evidence, why: str = "no trial was left to hold out") -> HeldOut:
     """Let all trials take part; `why` in words."""
     none = np.zeros(len(evidence.grid.trials), dtype=bool)
-    return HeldOut(none, f"{why}: figures are of the fitted trials")
+    return HeldOut(none, f"{why}; figures are of the fitted trials")
 
 
 def judged(evidence: Evidence, held: HeldOut) -> NDArray[np.bool_]:

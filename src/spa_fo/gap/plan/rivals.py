@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.gap.diagnosis import SCHEMA
 from spa_fo.plant import PARAMETERS, TransferFunction
+from spa_fo.plant.effects.effect import Parameter
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.validation import validate
 
@@ -76,13 +77,18 @@ def rival(
         effect = LIBRARY[name]
         if effect.port not in _UNSIMULATED:
             effects[effect.slots] = [
-                min(max(_number(parameters[name][p.name]), p.low), p.high)
+                min(max(_number(_given(parameters[name], p)), p.low), p.high)
                 for p in effect.parameters
             ]
     values = [_number(coefficients[name]) for name in PARAMETERS]
     if not values[-1] > 0.0:
         raise ValueError(f"expected a positive b0, found {values[-1]:g}")
     return Rival(tuple(ids), TransferFunction.from_array(values).as_array(), effects)
+
+
+def _given(values: Mapping[str, Any], parameter: Parameter) -> Any:
+    """Return a parameter as it was written; 0 where it came to its effect later."""
+    return values.get(parameter.name, 0.0) if parameter.is_addition else values[parameter.name]
 
 
 def _number(given: Any) -> float:

@@ -20,13 +20,14 @@ from spa_fo.gap.fit.lapack import forward
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
-from spa_fo.gap.prior import further_price
+from spa_fo.gap.prior import further_price, log_prior
 from spa_fo.gap.search.fitted import (
     HOPE,
     LINE_SEARCH,
     Fitted,
     begun,
     fit,
+    price,
     problem_of,
     settled,
     variants,
@@ -201,24 +202,22 @@ def _equals(fits: dict[Ids, Fitted], excluded: Sequence[str]) -> list[tuple[Ids,
     What does as well as all of it but one effect has not been tried beside that one: together they
     may be as good.
     """
-
-    def worth(f: Fitted) -> float:
-        return float(f.logs.max()) + beforehand(f.ids)
-
-    known = [f for f in fits.values() if np.isfinite(f.logs).all()]
-    known = [f for f in known if not set(f.ids) & set(excluded)]
-    best = max(known, key=worth)
-    found: dict[Ids, list[Floats]] = {}
+    temper = SETTINGS.temper
+    known = [f for f in fits.values() if not set(f.ids) & set(excluded)]
+    weighed_ones = [f for f in known if np.isfinite(f.logs).all()]
+    best = max(weighed_ones, key=lambda f: f.logs.max() - price(f) + log_prior(f.ids) / temper)
+    found: dict[Ids, tuple[float, Fitted, str]] = {}
     for name in best.ids:
         rest = fits.get(tuple(n for n in best.ids if n != name))
-        if rest is None or not rest.ids or not np.isfinite(rest.logs).all():
+        if rest is None or not rest.ids:
             continue
         for other in known:
-            ids = ordered((*other.ids, name))
-            alike = len(other.ids) == len(rest.ids) and worth(other) > worth(rest) - _EQUAL
+            ids, apart = ordered((*other.ids, name)), abs(_worth(rest) - _worth(other))
+            alike = len(other.ids) == len(rest.ids) and apart < _EQUAL
             if alike and name in beside(other.ids, (name,)) and ids not in fits:
-                found.setdefault(ids, [_together(other, best, name)])
-    return list(found.items())[:_MOST_EQUALS]
+                found.setdefault(ids, (apart, other, name))
+    nearest = sorted(found.items(), key=lambda one: one[1][0])[:_MOST_EQUALS]
+    return [(ids, [_together(other, best, name)]) for ids, (_, other, name) in nearest]
 
 
 def _together(one: Fitted, other: Fitted, name: str) -> Floats:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, share
 from spa_fo.plant.effects.shared import Floats, Integers
 from spa_fo.plant.memory import FINEST_STEP_S
 
-_SAME_KPA = 1e-4  # commands that differ by less are one: means over cells are rounded
+_TURNS = 0.005  # of the largest command: a logged one that goes back by less has not turned
 
 EFFECT = Effect(
     id="drive_backlash",
@@ -58,19 +62,21 @@ def follow_with_play(
 ) -> None:
     """Play operator: the pressure stays between command - width(1 - centre) and + width·centre.
 
-    After a reversal it stays for `wait`, s, as well; a trial begins with one if its command rises.
+    After a reversal, and where a trial's command first moves, it stays for `wait`, s, as well.
     `play` is the position, kPa, and whether there is any; carried on in place. Of it a trial,
     whose first cell is in `starts`, begins with the part `kept`.
     """
     position, cells = play[0], wait / FINEST_STEP_S
+    least = _TURNS * np.abs(p).max() if p.size else 0.0
     for trial in range(starts.size - 1):
         position *= kept
-        told, rises, since = 0.0, False, cells
+        farthest, way, since = 0.0, 0.0, cells
         for i in range(starts[trial], starts[trial + 1]):
-            if abs(p[i] - told) > _SAME_KPA:
-                if (p[i] > told) != rises:
-                    rises, since = not rises, 0.0
-                told = p[i]
+            gone = p[i] - farthest
+            if abs(gone) > least and (way == 0.0 or way * gone < 0.0):
+                way, since = math.copysign(1.0, gone), 0.0
+            if way * gone > 0.0:
+                farthest = p[i]
             since += 1.0
             follows = min(max(since - cells, 0.0), 1.0)  # for which part of the cell
             before = position

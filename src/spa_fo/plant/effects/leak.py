@@ -37,6 +37,7 @@ EFFECT = Effect(
         Parameter(
             *("renewal_per_kpa", "1/kPa", 0.0, 0.2, 0.0, 20.0),
             starts=(0.0, 0.3),
+            goes_with=(0.0, -1.0),
             means="how soon a command that changes makes the loss good: a valve that opens only "
             "where it is told something new",
             is_addition=True,
@@ -56,7 +57,7 @@ def lose(
 ) -> None:
     """Lose pressure in proportion to itself; the supply makes good in proportion to the loss.
 
-    Of the loss a command that changes by Δ kPa leaves exp(-renewal·Δ).
+    Of the loss a change of what the supply gives by Δ kPa leaves exp(-renewal·Δ).
     """
     for trial in range(starts.size - 1):
         lost = before = 0.0

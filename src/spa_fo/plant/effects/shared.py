@@ -1,4 +1,4 @@
-"""What several effects share: creep's spectrum, a moment, two poles and their lag, knots."""
+"""What several effects share: creep's spectrum, a moment, lags, knots."""
 
 from __future__ import annotations
 
