@@ -71,13 +71,14 @@ def examine(
     campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
     data = replace(data, campaign=campaign)
     everything, given = collect(data), plain.transfer_function.as_array()
-    missed_deg = None
+    excluded, missed_deg = tuple(excluded), None
     if by_command and beyond is None:
         plain_deg = angle_chain(everything, given, None).run(given, absent())[0]
         missed_deg = everything.grid.angle_deg - plain_deg
-    excluded, held = tuple(excluded), hold_out(everything, rng, missed_deg)
     if why_all:
         held = nothing_held_out(everything, why_all)
+    else:
+        held = hold_out(everything, rng, missed_deg)
     fast = NONE
     if at_port("line") not in excluded:
         fast = fast_line(replace(everything, takes_part=~held.trials))

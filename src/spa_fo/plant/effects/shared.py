@@ -90,7 +90,7 @@ def creep_sizes(per_decade: float, typical_s: float, decades: float) -> Floats:
     return sizes
 
 
-_TAIL = 4.0  # times as late as the rest. Assumed: between the slow parts of lags that were seen.
+_TAIL = 4.0  # times as late as the rest. Assumed, as a sensor's of one rig that was opened.
 
 
 def lag() -> tuple[Parameter, ...]:
