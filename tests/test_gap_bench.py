@@ -20,7 +20,7 @@ from spa_fo.gap.fit.coefficients import (
     identified,
     usual,
 )
-from spa_fo.gap.fit.problem import most
+from spa_fo.gap.fit.nuisances import most
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.noise.coloured import CORRELATION_S, Scatter, Spectrum
 from spa_fo.gap.noise.dwell_error import UNKNOWN, DwellError

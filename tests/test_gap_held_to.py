@@ -24,7 +24,7 @@ from spa_fo.gap.claim.expected import (
     differs,
     no_sensor_s_alone,
     not_compared,
-    only_held_out_differ,
+    only_part_differs,
     unnamed,
     with_equivalents,
 )
@@ -114,6 +114,15 @@ def test_a_part_is_said_for_what_it_closes_elsewhere(closed: float, left: tuple[
     named = ("creep", "sensor_slip")
     held = held_to(answer({named: 0.1}, 0.9), claims({named: closed}))
     assert (held.kind, held.sets) == ("unknown", left)
+
+
+def test_where_the_leader_is_refuted_what_closes_instead_is_said_to_be_a_part() -> None:
+    first, second = ("sensor_nonlinearity",), ("parameter_shift",)
+    verdict = answer({first: 0.6, second: 0.05}, 0.35)
+    assert verdict.sets == (first,)
+    held = held_to(verdict, claims({first: 0.1, second: 0.98}))
+    assert (held.kind, held.sets) == ("unknown", (second,))
+    assert held_to(verdict, claims({first: 0.1, second: 0.2})).sets == ()
 
 
 HALF = 1.5
@@ -298,12 +307,12 @@ def test_all_trials_say_how_large_a_change_is_each_as_far_as_it_was_foretold() -
     assert expected == pytest.approx(np.sqrt(4.0 + 0.25 + 0.25))
 
 
-def test_what_only_trials_that_are_held_out_show_is_told_from_what_all_do() -> None:
+def test_what_only_some_trials_show_is_told_from_what_all_do() -> None:
     grid = SimpleNamespace(counts=np.ones(100), sample_trial=np.repeat([0, 1], 50))
     day = Scatter(0.0, 0.0, 0.0)
     beyond = Beyond(Spectrum(0.0, np.zeros(6)), day, day, angle_deg=2.0, trials=2)
 
-    def only(sizes: tuple[float, float], held: tuple[bool, bool]) -> bool:
+    def only(sizes: tuple[float, float], held: tuple[bool, bool]) -> str | None:
         angle = SimpleNamespace(**vars(grid), angle_deg=np.repeat(sizes, 50))
         everything = SimpleNamespace(
             grid=angle,
@@ -311,20 +320,20 @@ def test_what_only_trials_that_are_held_out_show_is_told_from_what_all_do() -> N
             variance=np.zeros(100),
             rows=[np.arange(50), np.arange(50, 100)],
         )
-        return only_held_out_differ(cast(Any, everything), np.array(held), np.zeros(100), beyond)
+        return only_part_differs(cast(Any, everything), np.array(held), np.zeros(100), beyond)
 
-    assert only((1.0, 9.0), (False, True))
-    assert not only((9.0, 9.0), (False, True))
-    assert not only((9.0, 1.0), (False, True))
-    assert not only((1.0, 1.0), (False, True))
-    assert not only((1.0, 9.0), (False, False))
-    assert not only((1.0, 9.0), (True, True))
+    assert only((1.0, 9.0), (False, True)) == "held"
+    assert only((9.0, 1.0), (False, True)) == "others"
+    assert only((9.0, 9.0), (False, True)) is None
+    assert only((1.0, 1.0), (False, True)) is None
+    assert only((1.0, 9.0), (False, False)) is None
+    assert only((1.0, 9.0), (True, True)) is None
     # A lone reference knows little: the others may differ by as much without any change.
     beyond = replace(beyond, trials=1)
-    assert not only((6.4, 6.4), (False, True))
-    assert only((6.4, 15.0), (False, True))
+    assert only((6.4, 6.4), (False, True)) is None
+    assert only((6.4, 15.0), (False, True)) == "held"
     beyond = replace(beyond, broken=True)
-    assert not only((1.0, 15.0), (False, True))
+    assert only((1.0, 15.0), (False, True)) is None
 
 
 DETACHED, LAG = ("sensor_detachment",), ("sensor_lag",)

@@ -14,8 +14,9 @@ from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.bench import REST, Bench, bench_for
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.problem import AngleProblem
-from spa_fo.gap.search.explanations import Explanations, _equals, explain, screen
+from spa_fo.gap.search.explanations import Explanations, _equals, explain
 from spa_fo.gap.search.fitted import HOPE, begun, fit, settled
+from spa_fo.gap.search.screening import points_of, screen
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import IDS, LIBRARY, ordered, rare
 from spa_fo.rig import CampaignData, read_campaign, read_trials
@@ -36,6 +37,16 @@ def lagging(data: CampaignData) -> CampaignData:
             last += (trial.angle_deg[i] - last) * (1.0 - np.exp(-step_s / LAG_S))
             seen[i] = last
         trials.append(replace(trial, angle_deg=seen))
+    return replace(data, trials=tuple(trials))
+
+
+def come_off(data: CampaignData, since_s: float) -> CampaignData:
+    """Let the sensor read a fifth of the angle, and 3 deg, from a moment of the campaign on."""
+    trials = []
+    for trial in data.trials:
+        off = trial.started_s + trial.t_s >= since_s
+        read = np.where(off, 0.2 * trial.angle_deg + 3.0, trial.angle_deg)
+        trials.append(replace(trial, angle_deg=read))
     return replace(data, trials=tuple(trials))
 
 
@@ -86,6 +97,20 @@ def test_a_screening_puts_it_first(lagged: Explanations) -> None:
     assert shown[0].gain > 5.0
     beside = screen(bench, lagged.fits[("sensor_lag",)], ["sensor_lag", "creep"])
     assert {s.name for s in beside} == {"creep"}  # what is there already is not looked for
+
+
+@pytest.mark.parametrize("since_s", [63.137, 69.137])  # as it bends, and as it relaxes
+def test_the_moment_at_which_a_sensor_comes_off_is_found(
+    clean: CampaignData, since_s: float
+) -> None:
+    bench = bench_of(come_off(clean, since_s))
+    plain = fit(bench, (), bench.starts)
+    points = points_of(screen(bench, plain, ["sensor_detachment"]), "sensor_detachment")
+    found = fit(bench, ("sensor_detachment",), points, plain)
+    lost, level_deg, since = found.effects[LIBRARY["sensor_detachment"].slots]
+    assert since * bench.evidence.grid.middle_s[-1] == pytest.approx(since_s, abs=0.1)
+    assert lost == pytest.approx(0.8, abs=0.02)
+    assert level_deg == pytest.approx(3.0, abs=0.3)
 
 
 def test_every_fit_that_is_ranked_is_searched_to_the_end(lagged: Explanations) -> None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spa_fo.atomic import write_text
 from spa_fo.blas import one_blas_thread
@@ -34,7 +35,7 @@ from spa_fo.gap.claim.expected import (
     differs,
     no_sensor_s_alone,
     not_compared,
-    only_held_out_differ,
+    only_part_differs,
     times_missed_of_drive,
     unnamed,
     with_equivalents,
@@ -56,10 +57,11 @@ from spa_fo.plant.nominal_drive import driven_by
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
+Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 Answer = tuple[Examined, Claim, Verdict]
 
-_ALL = "none, as only what would be held out shows the change"
+_ALL = "none, as what could be held out is all that shows the change, or shows none of it"
 
 
 def diagnose_campaign(
@@ -221,15 +223,7 @@ def _answered(
 ) -> Answer:
     """Answer, held against the trials that took no part."""
     rng = np.random.default_rng(seed)
-    examined = examine(data, plain, excluded, rng, progress, beyond)
-    progress("predicting trials that took no part")
-    claimed = claim(examined, examined.verdict, rng)
-    if beyond is not None and only_held_out_differ(
-        examined.everything, examined.held.trials, claimed.curves["plain"], beyond
-    ):
-        progress("once more with all trials: those that were held out alone show a change")
-        examined = examine(data, plain, excluded, rng, progress, beyond, _ALL)
-        claimed = claim(examined, examined.verdict, rng)
+    examined, claimed = _examined(data, plain, excluded, rng, progress, beyond)
     verdict = held_to(examined.verdict, claimed)
     if beyond is None:
         progress("weighing laws that have no name against it")
@@ -258,6 +252,36 @@ def _answered(
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
     return examined, claimed, verdict
+
+
+def _examined(
+    data: CampaignData,
+    plain: Model,
+    excluded: Sequence[str],
+    rng: np.random.Generator,
+    progress: Progress,
+    beyond: Beyond | None,
+) -> tuple[Examined, Claim]:
+    """Explain a campaign, held-out trials being such as can judge."""
+
+    def explained(missed_deg: Floats | None = None, why_all: str = "") -> tuple[Examined, Claim]:
+        found = examine(data, plain, excluded, rng, progress, beyond, missed_deg, why_all)
+        progress("predicting trials that took no part")
+        return found, claim(found, found.verdict, rng)
+
+    examined, claimed = explained()
+    if beyond is None:
+        return examined, claimed
+    everything, plain_deg = examined.everything, claimed.curves["plain"]
+    part = only_part_differs(everything, examined.held.trials, plain_deg, beyond)
+    if part == "others":
+        progress("once more: those that were held out show no change")
+        examined, claimed = explained(everything.grid.angle_deg - plain_deg)
+        part = only_part_differs(everything, examined.held.trials, plain_deg, beyond)
+    if part is not None:
+        progress("once more with all trials: those that are held out cannot judge")
+        examined, claimed = explained(why_all=_ALL)
+    return examined, claimed
 
 
 def _gap_deg(examined: Examined, claimed: Claim) -> float:

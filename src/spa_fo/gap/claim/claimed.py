@@ -204,12 +204,12 @@ def held_to(verdict: Verdict, claimed: Claim) -> Verdict:
     scored.sort(key=lambda s: -s.probability)
     again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
     unknown = "unknown" in (verdict.kind, again.kind)
-    sets = [named for named in again.sets if named in verdict.sets]
     if unknown:
         # What is no answer is said for what it explains elsewhere, also where chance is in it.
-        sets = [named for named in sets if claimed.closed.get(named, 0.0) >= SETTINGS.worth]
+        closed = claimed.closed
+        sets = [named for named in again.sets if closed.get(named, 0.0) >= SETTINGS.worth]
     else:
-        sets = [named for named in sets if claimed.closes(named)]
+        sets = [named for named in again.sets if named in verdict.sets and claimed.closes(named)]
     kind: Kind = "ambiguous" if len(sets) > 1 else "cause"
     return replace(again, kind="unknown" if unknown or not sets else kind, sets=tuple(sets))
 

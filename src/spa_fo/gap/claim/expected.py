@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,20 +136,27 @@ def differs(
     return float(np.sqrt(size)), float(np.sqrt(expected))
 
 
-def only_held_out_differ(
+def only_part_differs(
     everything: Evidence, held: Bools, plain_deg: Floats, beyond: Beyond
-) -> bool:
-    """Say whether something has changed, and all trials that are not `held` out lack it.
+) -> Literal["held", "others"] | None:
+    """Say which trials alone show that something has changed, those `held` out or all others.
 
-    So it is where it came in the midst of a few trials: nobody could explain it from the others.
+    What only those held out show nobody could explain from the others, and what they lack they
+    cannot judge. So it is where it came in the midst of a few trials. None where both show it, or
+    neither does.
     """
     with_rows = np.bincount(everything.grid.sample_trial, minlength=held.size) > 0
     if beyond.broken or not (held & with_rows).any() or not (~held & with_rows).any():
-        return False
+        return None
     of_held, of_others = (
         np.divide(*differs(everything, plain_deg, beyond, some)) for some in (held, ~held)
     )
-    return bool(of_held > max(CLEARLY, _surely(beyond.changed)) and of_others < beyond.changed)
+    clear = max(CLEARLY, _surely(beyond.changed))
+    if of_held > clear and of_others < beyond.changed:
+        return "held"
+    if of_others > clear and of_held < beyond.changed:
+        return "others"
+    return None
 
 
 def times_missed_of_drive(everything: Evidence, beyond: Beyond) -> float | None:

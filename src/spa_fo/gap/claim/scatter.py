@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.decide.explanation import Explanation, simulate
-from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE, Bench
-from spa_fo.gap.fit.problem import nuisance_scales
+from spa_fo.gap.fit.bench import Bench
+from spa_fo.gap.fit.nuisances import OF_TRIALS, nuisance_scales
 from spa_fo.plant.effects.library import at_port
 
 Floats = NDArray[np.float64]
@@ -44,7 +44,7 @@ class Judging:
         moved = [explained_deg, np.ones_like(explained_deg), (quick - explained_deg) / _RATE_STEP]
         self.shapes = rows.merged(np.column_stack(moved))  # (rows, 3), of each trial's own
         slips = at_port("zeros", chosen.ids) is not None
-        self.own = nuisance_scales(bench, slips)[[GAIN, REST, TIME_SCALE]]  # 1 sigma
+        self.own = nuisance_scales(bench, slips)[OF_TRIALS]  # 1 sigma
         self.count = np.concatenate([group.count for group in rows.groups])
         self.trial = np.concatenate([group.trial for group in rows.groups])
 

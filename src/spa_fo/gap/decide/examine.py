@@ -57,11 +57,13 @@ def examine(
     rng: np.random.Generator,
     progress: Progress = silent,
     beyond: Beyond | None = None,
+    missed_deg: Floats | None = None,
     why_all: str = "",
 ) -> Examined:
     """Fit and weigh every explanation; for the parameters see `diagnose`.
 
-    `rng` chooses the trials that are held out; where `why_all` says why not, none is.
+    `rng` chooses the trials that are held out, among those with the largest gap where this,
+    `missed_deg`, is known; where `why_all` says why not, none is.
     """
     check_driven(plain, data)
     by_command = data.campaign.command_is_pressure
@@ -71,7 +73,7 @@ def examine(
     campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
     data = replace(data, campaign=campaign)
     everything, given = collect(data), plain.transfer_function.as_array()
-    excluded, missed_deg = tuple(excluded), None
+    excluded = tuple(excluded)
     if by_command and beyond is None:
         plain_deg = angle_chain(everything, given, None).run(given, absent())[0]
         missed_deg = everything.grid.angle_deg - plain_deg

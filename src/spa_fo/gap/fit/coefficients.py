@@ -38,8 +38,8 @@ class KnownResponse:
     """The step response of a model that was identified elsewhere, as an observation."""
 
     times_s: Floats  # (k,), up to the longest trial: what it says of a hold it says, too
-    values: Floats  # (k,), of its final value
-    gain: float  # that final value
+    values: Floats  # (k,), of its final value, or of the largest by then if that is less
+    gain: float  # that value
     root: Floats  # (k, k), Cholesky factor, lower, of the covariance of its error
 
     @property
@@ -143,16 +143,21 @@ def identified(
     Coefficients
         What is known of them.
     """
-    gain = float(given[4] / given[3])
     read = float(np.hypot(noise.fixture.deg or 0.0, noise.fixture.mark_deg)) / angle_deg
     own = 0.0 if error_deg is None else error_deg / angle_deg
     error = float(np.linalg.norm([SETTINGS.response_error, read, own]))
     longest_s = max(longest_s, 2.0 * _FIRST_S)
     count = 2 + int(_A_DECADE * np.log10(longest_s / _FIRST_S))
     times_s = np.geomspace(_FIRST_S, longest_s, count)
-    values = step_response(times_s, *given) / gain
+    values = step_response(times_s, *given)
+    # One that hardly has an end, as no trial showed it, is known by what it reaches.
+    gain = min(float(given[4] / given[3]), float(np.abs(values).max()))
+    values = values / gain
     known = KnownResponse(times_s, values, gain, error * np.eye(count))
     before = usual(given, horizon_s)
+    if noise.compared:  # what the model misses, however odd it is, is known beside it
+        mean = to_z(given)
+        before = Coefficients(mean, before.spread)
     root, inside = np.linalg.cholesky(before.spread), (LOWEST + 1e-2, HIGHEST - 5e-3)
 
     def left(z: Floats) -> Floats:

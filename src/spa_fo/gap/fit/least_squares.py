@@ -99,6 +99,7 @@ class Explained(ABC):
         self.precision = cho_solve((self.root, True), np.eye(self.parameters))
         self.centre = np.append(mean, [s.centre for s in self.slots])
         self.moving = np.zeros(0, dtype=np.int64)
+        self._moments = self.free + np.flatnonzero([s.parameter.is_moment for s in self.slots])
         self.low = np.append(LOWEST[: self.free], [s.limits[0] for s in self.slots])
         self.high = np.append(HIGHEST[: self.free], [s.limits[1] for s in self.slots])
         self._known: dict[tuple[str, bytes], Any] = {}
@@ -182,8 +183,11 @@ class Explained(ABC):
         """Search with the nuisances' prior variances `spread`.
 
         Their columns are those about `start`, but for those of `moving`, which go with the point.
+        A moment stays: what happens at once has no slope over it.
         """
         start = np.clip(start, self.low, self.high)
+        low, high = self.low.copy(), self.high.copy()
+        low[self._moments] = high[self._moments] = start[self._moments]
         held, precision = self.white(factor, self.columns(start)), np.diag(1.0 / spread)
         seen = _Seen(np.zeros(0), held, held, held)  # the last point that was looked at
         kept, j, j_taken = seen, held, held  # the last one that was kept
@@ -229,7 +233,7 @@ class Explained(ABC):
             return np.asarray(j_taken.T @ kept.taken(second) - j.T @ second)
 
         return minimise(
-            value, quadratic, start, self.low, self.high, enough, most, self.precision, bend
+            value, quadratic, start, low, high, enough, most, self.precision, bend
         )
 
     def spread(self, variances: Floats) -> Floats:

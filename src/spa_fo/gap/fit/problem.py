@@ -9,19 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from scipy.stats import chi2
 
 from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
 from spa_fo.gap.fit.bench import BRANCH, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.mixed import WEAK
+from spa_fo.gap.fit.nuisances import (
+    OF_TRIALS,
+    most,
+    most_of_trials,
+    nuisance_scales,
+    told_by_repeats,
+)
 from spa_fo.gap.noise.order import trend_shapes
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
@@ -37,8 +42,6 @@ _AT_REST = 0.05  # of the largest input: a log that ends there shows how it was 
 _BRANCH_STEP = 1e-3  # of a searched parameter, for the slope of what a branch makes of it
 _KINK_DEG = 1.0  # over which the slope of a curve with kinks is taken
 _ARRIVED = 0.5  # of what filters leave to a dwell: nobody logs how the fixture came to stand
-_OF_TRIALS = [GAIN, REST, TIME_SCALE]
-_SURELY = 1e-3  # probability that a scatter is larger than its bound
 
 
 @dataclass(frozen=True)
@@ -94,15 +97,11 @@ class AngleProblem(Explained):
         slips = at_port("zeros", ids) is not None
         reach = self.evidence.reach
         super().__init__(slots_of(ids, reach), nuisance_scales(bench, slips), known)
-        self.strength[_OF_TRIALS] += told_by_repeats(bench)
+        self.strength[OF_TRIALS] += told_by_repeats(bench)
         self.strength[DWELL] += bench.noise.fixture.told * (1.0 / SETTINGS.temper - 1.0)
         if slips:
             self.strength[REST] = WEAK  # what repeats differ by at rest is the slip's
-        # Nuisances do not hide what all trials show: repeats have said how large they are, and
-        # so have the ways through a calibration.
-        ordinary = [SETTINGS.scatter, SETTINGS.rest_scatter_deg, SETTINGS.scatter]
-        usual = np.maximum(bench.scales[_OF_TRIALS], ordinary)
-        self.most[_OF_TRIALS] = most(bench.noise.spectrum.repeats) * usual
+        self.most[OF_TRIALS] = most_of_trials(bench)
         self.most[BRANCH] = 2.0  # from one branch of a loop to the other
         dwell = max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self.most[DWELL] = most(round(bench.noise.fixture.told)) * dwell
@@ -366,33 +365,3 @@ def what_came_before(input_kpa: Floats, starts: Integers) -> Integers:
     ends = np.abs(input_kpa[starts[1:-1] - 1])
     at_rest = ends <= _AT_REST * np.abs(input_kpa).max(initial=0.0)
     return np.append(0, np.where(at_rest, 1, 2))
-
-
-@cache
-def most(repeats: int) -> float:
-    """Bound a scatter, in units of its estimate from so many differences of repeats."""
-    if repeats < 1:
-        return SETTINGS.most_scatter
-    return min(float(np.sqrt(repeats / chi2.ppf(_SURELY, repeats))), SETTINGS.most_scatter)
-
-
-def told_by_repeats(bench: Bench) -> float:
-    """Degrees of freedom that repeats add to what trials differ by, beside tempered rows.
-
-    What an explanation misses it misses of all repeats alike: by what these differ no form is in
-    doubt. So their evidence counts whole, and what the rows hold of it is tempered.
-    """
-    if bench.noise.compared:
-        return 0.0  # a reference has said what is to be expected
-    return bench.noise.spectrum.repeats * (1.0 / SETTINGS.temper - 1.0)
-
-
-def nuisance_scales(bench: Bench, slips: bool) -> Floats:
-    """Typical standard deviations of the nuisances.
-
-    Beside a slip, which lets repeats differ at rest, the bench's rest scatter is a usual one.
-    """
-    scales = bench.scales.copy()
-    if slips:
-        scales[REST] = min(scales[REST], SETTINGS.rest_scatter_deg)
-    return scales

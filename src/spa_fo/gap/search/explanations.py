@@ -1,24 +1,19 @@
 """Which explanations of the angle are worth a fit: screened, fitted, weighed.
 
-Every effect is weighed first by a score test beside a fitted explanation: the change that it makes,
-whitened, cleared of what nuisances and parameters may take, against what is left. Only the best are
-fitted; so are pairs, of what shows beside the best single effects, and a third effect where the
-best pair is worth it.
+Every effect is weighed first by a score test beside a fitted explanation (`screening`). Only the
+best are fitted; so are pairs, of what shows beside the best single effects, and a third effect
+where the best pair is worth it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
-from spa_fo.gap.fit.lapack import forward
-from spa_fo.gap.fit.least_squares import starts
-from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
 from spa_fo.gap.prior import further_price, log_prior
 from spa_fo.gap.search.fitted import (
@@ -30,20 +25,18 @@ from spa_fo.gap.search.fitted import (
     price,
     problem_of,
     settled,
-    variants,
     weighed,
     without_others,
 )
+from spa_fo.gap.search.screening import beforehand, first_of, points_of, screen
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import Team, each, team
-from spa_fo.plant.effects.library import LIBRARY, at_port, beside, log_odds, ordered, rare
+from spa_fo.plant.effects.library import LIBRARY, at_port, beside, ordered, rare
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
 _SINGLES, _HOSTS, _BESIDE = 8, 3, 3  # fitted alone; that get others beside them; so many others
-_BEST_STARTS = 2
-_FARTHEST = 4.0  # times the size that an effect is screened with
 WORTH_WEIGHING = 60.0  # nats behind the best
 _EQUAL, _MOST_EQUALS = 7.0, 4  # nats, of whole evidence: about one of tempered; so many are tried
 
@@ -76,82 +69,8 @@ class Explanations:
         return self.fits[()]
 
 
-@dataclass(frozen=True)
-class Shown:
-    """What a score test shows of an effect from one start: nats, and the point it begins at."""
-
-    name: str
-    gain: float
-    z: Floats
-
-
-def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
-    """Weigh effects beside a fitted explanation by a score test, most probable first.
-
-    Parameters
-    ----------
-    bench : Bench
-        The campaign.
-    base : Fitted
-        The explanation.
-    names : sequence of str
-        Effects; those of the explanation are left out.
-    """
-    problem = problem_of(bench, base)
-    factor = bench.whitening.factor(1.0, SETTINGS.search_share)
-    linear = problem.linear(base.z)
-    own = problem.white(factor, np.hstack([linear.columns, linear.slopes @ problem.root]))
-    left = problem.white(factor, linear.left)
-    precision = np.append(1.0 / problem.spread(base.variances), np.ones(problem.parameters))
-    matrix = own.T @ own
-    matrix[np.diag_indices_from(matrix)] += precision
-    root = np.linalg.cholesky(matrix)
-    away = forward(problem.root, problem.centre - base.z)
-    pull = np.append(np.zeros(precision.size - away.size), away)
-    taken = forward(root, own.T @ left + pull)
-    (y, fixed), drifted = problem.predict(base.z), problem.drifted(base.z)
-    shown = []
-    for name in names:
-        if name in base.ids:
-            continue
-        wide = ordered((*base.ids, name))
-        problems = [
-            AngleProblem(bench, wide, each) for each in variants(bench, (name,), base.calibrated)
-        ]
-        slots = LIBRARY[name].slots
-        mine = np.array([slots.start <= slot.place < slots.stop for slot in problems[0].slots])
-        signed = LIBRARY[name].parameters[0].low < 0.0
-        for point, one in product(starts(AngleProblem(bench, (name,)), base.z[:5]), problems):
-            z = np.empty(one.parameters)
-            z[:5], z[5:][~mine], z[5:][mine] = base.z[:5], base.z[5:], point[5:]
-            there, fixed_there = one.predict(z)
-            rows, drift = problem.rows.merged(there - y), one.drifted(z) - drifted
-            change = problem.stacked(rows, fixed_there - fixed, drift)
-            column = problem.white(factor, change)
-            shadow = forward(root, own.T @ column)
-            seen = float(column @ column - shadow @ shadow) + 1.0
-            score = float(column @ left - shadow @ taken)
-            size = float(np.clip(score / seen, -_FARTHEST if signed else 0.0, _FARTHEST))
-            shown.append(Shown(name, size * score - 0.5 * size**2 * seen, z))
-    return sorted(shown, key=lambda s: -s.gain - beforehand((s.name,)))
-
-
-def beforehand(ids: Sequence[str]) -> float:
-    """Say by how many nats of evidence effects that are rare have to show more than others."""
-    return log_odds(ids) / SETTINGS.temper
-
-
 def _worth(fitted: Fitted) -> float:
     return fitted.quick + beforehand(fitted.ids)
-
-
-def _points(shown: Sequence[Shown], name: str) -> list[Floats]:
-    points = {s.z.tobytes(): s.z for s in shown if s.name == name}  # one of each, the best first
-    return list(points.values())[:_BEST_STARTS]
-
-
-def _first(shown: Sequence[Shown], count: int) -> list[str]:
-    return list(dict.fromkeys(s.name for s in shown))[:count]
 
 
 def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
@@ -172,8 +91,8 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     alone = [((n,), [plain.z]) for n in linear]
     # What repeats say of their order no score test shows: it may hide in the trials' scatter.
     by_order = [n for n in chained if "order" in LIBRARY[n].shown_in and not rare(n)]
-    promising = dict.fromkeys([*_first(shown, _SINGLES), *by_order])
-    alone += [((n,), _points(shown, n)) for n in promising]
+    promising = dict.fromkeys([*first_of(shown, _SINGLES), *by_order])
+    alone += [((n,), points_of(shown, n)) for n in promising]
     if again is not None and not bench.own:
         alone.append(((again,), [plain.z]))
     with team(bench) as ours:
@@ -244,8 +163,8 @@ def _beside(
     more: dict[Ids, list[Floats]] = {}
     shown = ours(screen, [(host, beside(host.ids, chained)) for host in hosts])
     for host, seen in zip(hosts, shown, strict=True):
-        for name in _first(seen, _BESIDE):
-            more.setdefault(ordered((*host.ids, name)), _points(seen, name)[:1])
+        for name in first_of(seen, _BESIDE):
+            more.setdefault(ordered((*host.ids, name)), points_of(seen, name)[:1])
         for name in linear:
             if name not in host.ids:
                 more.setdefault(ordered((*host.ids, name)), [host.z])

@@ -98,6 +98,11 @@ class Parameter:
     is_delay: bool = False
     is_addition: bool = False
 
+    @property
+    def is_moment(self) -> bool:
+        """Whether it, `since`, says when something begins, as a share of the campaign."""
+        return self.name == "since"
+
     def at(self, reach: Reach) -> Parameter:
         """Return what is plausible of it on a rig of another reach.
 
@@ -228,9 +233,8 @@ class Effect:
 
     @property
     def moment(self) -> int | None:
-        """Which parameter, `since`, says when it begins as a share of the campaign, if any."""
-        names = [parameter.name for parameter in self.parameters]
-        return names.index("since") if "since" in names else None
+        """Which parameter says when it begins, if any."""
+        return next((k for k, each in enumerate(self.parameters) if each.is_moment), None)
 
     @property
     def meanings(self) -> Mapping[str, str]:

@@ -119,7 +119,7 @@ def poles(time_constant: float, second: float, tail: float) -> tuple[float, floa
     return quick * (1.0 - second), quick * second, _TAIL * quick
 
 
-_SOFT, _LEAST_S = 0.002, 0.25  # how long a switch takes: of the campaign, and at least
+_SOFT_S = 0.05  # how long a switch takes
 _BEFORE_S = 1.0
 
 
@@ -127,8 +127,7 @@ def switched(time_s: Floats, since: float) -> Floats:
     """Go from 0 to 1 at a moment that is a share of the campaign; 0 in a series at rest."""
     if time_s[-1] < _BEFORE_S:
         return np.zeros(time_s.size)  # before anything has happened
-    soft = max(_SOFT * float(time_s[-1]), _LEAST_S)
-    return np.asarray(0.5 * (1.0 + np.tanh((time_s - since * time_s[-1]) / soft)))
+    return np.asarray(0.5 * (1.0 + np.tanh((time_s - since * time_s[-1]) / _SOFT_S)))
 
 
 @njit
