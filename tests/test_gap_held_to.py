@@ -130,6 +130,26 @@ HALF = 1.5
 SURE = 1.0 + SURELY * (HALF - 1.0)
 
 
+def test_what_the_drive_does_anyway_leaves_the_rest_of_a_set_its_name() -> None:
+    both, late, lag = ("line_lag", "channel_latency"), ("channel_latency",), ("line_lag",)
+    verdict = answer({both: 0.7, late: 0.05, lag: 0.05}, 0.2)
+    assert verdict.sets == (both,)
+    found = beyond_expected(verdict, 10.0, HALF, 1.0)
+    assert (found.kind, found.sets) == ("cause", (late,))
+    assert found.of(late).probability == pytest.approx(0.75)
+    assert found.unknown == pytest.approx(0.25)  # the drive's alone is lost
+    # By itself it has to close enough, too.
+    refuted = held_to(verdict, claims({both: 0.9, late: -0.1, lag: 0.2}))
+    closed = claims({both: 0.9, late: -0.1, lag: 0.2})
+    again = beyond_expected(refuted, 10.0, HALF, 1.0, closed)
+    assert (again.kind, again.sets) == ("unknown", ())
+    assert beyond_expected(verdict, 10.0, HALF, 1.0, claims({both: 0.9})).sets == ()
+    # A drive that differs clearly keeps its own.
+    assert beyond_expected(verdict, 10.0, HALF, 3.0).sets == (both,)
+    # Where the pressure was not measured nothing tells them apart.
+    assert beyond_expected(verdict, 10.0, HALF).sets == (both,)
+
+
 def test_what_is_no_larger_than_expected_is_no_change() -> None:
     verdict = beyond_expected(answer({("creep",): 0.95}, 0.05), 0.9, HALF)
     assert (verdict.kind, verdict.sets) == ("no_gap", ())

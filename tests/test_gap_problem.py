@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from spa_fo.gap.data.evidence import (
     with_usual,
 )
 from spa_fo.gap.data.fixture import fixture_of
-from spa_fo.gap.fit.bench import DWELL, Bench, bench_for
+from spa_fo.gap.fit.bench import DWELL, Bench, _times_foreseen, bench_for, rows_of
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated, what_came_before
 from spa_fo.gap.noise.dwell_error import DwellError
 from spa_fo.gap.search.fitted import variants
@@ -272,6 +273,7 @@ def test_what_a_reference_says_is_foreseen_from_the_first_sample_on(evidence: Ev
             np.full(trial.t_s.size, 6.0 + trial.order),
             np.full(trial.t_s.size, 0.1),
             np.zeros(trial.t_s.size, dtype=bool),
+            np.full(trial.t_s.size, 0.3),
         )
         for trial in evidence.data.trials
     ]
@@ -281,3 +283,11 @@ def test_what_a_reference_says_is_foreseen_from_the_first_sample_on(evidence: Ev
     orders = evidence.grid.orders[evidence.grid.sample_trial]
     assert np.unique(orders).size > 1
     np.testing.assert_allclose(found - plain, 6.0 + orders, atol=1e-9)
+    # Times that are off make single rows less sure, and the gap no smaller.
+    assert expected.foreseen_deg is not None
+    assert expected.late_deg is not None
+    np.testing.assert_allclose(expected.foreseen_deg, 0.1)
+    np.testing.assert_allclose(expected.late_deg, 0.3)
+    noise = cast(Any, SimpleNamespace(foreseen_deg=0.1))
+    times = _times_foreseen(expected, rows_of(expected), noise)
+    np.testing.assert_allclose(times, np.sqrt(10.0))

@@ -42,11 +42,21 @@ def holds_from(one: Trial, times: np.ndarray) -> float:
     return float(times[np.flatnonzero(one.command_kpa > 0.0)[0]])
 
 
-@pytest.mark.parametrize("lost", [(20,), (20, 21), (19, 20)])
+@pytest.mark.parametrize("lost", [(20,), (20, 21), (19, 20), tuple(range(17, 26))])
 def test_a_lost_first_row_is_put_where_it_was_due(lost: tuple[int, ...]) -> None:
     trials = [trial(1), trial(2, lost), trial(3)]
     times = command_times(trials)
     assert holds_from(trials[1], times[1]) == pytest.approx(JUMP_S, abs=1e-9)
+
+
+def test_of_several_jumps_in_a_gap_none_is_taken_for_another() -> None:
+    whole = trial(1)
+    square = np.where((whole.t_s >= 2.0) & (whole.t_s < 3.0) | (whole.t_s >= 4.0), 30.0, 0.0)
+    one, other, lossy = (replace(trial(k), command_kpa=square) for k in (1, 2, 3))
+    kept = (lossy.t_s < 1.75) | (lossy.t_s > 4.25)
+    arrays = {k: v[kept] for k, v in vars(lossy).items() if isinstance(v, np.ndarray)}
+    times = command_times([one, other, replace(lossy, **arrays)])
+    np.testing.assert_array_equal(times[2], lossy.t_s[kept])
 
 
 def test_a_row_lost_before_the_jump_moves_nothing() -> None:

@@ -17,6 +17,7 @@ from spa_fo.compare.expectation import Expected, of_a_day
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal
 from spa_fo.compare.learning import learn
 from spa_fo.compare.misread import Misread, misread, rows_of
+from spa_fo.compare.timing import lateness_s, rate, unsure_of_time
 from spa_fo.errors import BadInput
 from spa_fo.gap.noise.bench_noise import TYPICAL
 from spa_fo.gap.noise.coloured import CORRELATION_S, TYPICAL_DEG
@@ -43,6 +44,8 @@ class AngleKnown:
         That, by trial of the reference.
     common : sequence of pairs
         What it lets expect that the model misses, and its deviation, deg.
+    late : sequence of arrays
+        By how much angles are off, 1 sigma, as their times are off as the reference's were, deg.
     sigma : sequence of arrays
         The same deviation with that of a day, deg; infinite where the reference never was.
     broken : tuple of str
@@ -56,6 +59,7 @@ class AngleKnown:
     law: FadingMemoryLaw
     missed: Sequence[Signal]
     common: Sequence[Expected]
+    late: Sequence[Floats]
     sigma: Sequence[Floats]
     broken: tuple[str, ...]
     misread: tuple[tuple[Misread, ...], ...]
@@ -86,7 +90,12 @@ def know_angle(reference: CampaignData, data: CampaignData, plain: Model) -> Ang
     unvisited = [
         rows | rows_of(found, rows.size) for rows, found in zip(unvisited, wrong, strict=True)
     ]
-    return AngleKnown(law, missed, common, sigma, held.sentences, wrong, unvisited)
+    late_s = lateness_s(reference.trials, law)
+    late = [
+        late_s * rate(angle, trial.t_s) for angle, trial in zip(foreseen, data.trials, strict=True)
+    ]
+    law = unsure_of_time(law, reference.trials, late_s)
+    return AngleKnown(law, missed, common, late, sigma, held.sentences, wrong, unvisited)
 
 
 def _zero_error_kpa(reference: CampaignData, data: CampaignData, plain: Model) -> float:

@@ -22,6 +22,7 @@ from spa_fo.compare.expectation import best, noise_of
 from spa_fo.compare.fading_memory import FadingMemoryLaw
 from spa_fo.compare.misread import Misread, with_misread
 from spa_fo.compare.zero import at_rest_deg, moving_deg
+from spa_fo.gap.data.dropouts import without_dropouts
 from spa_fo.gap.data.evidence import Foreseen, largest_deg
 from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
@@ -166,8 +167,9 @@ def compare(
         A log lacks the signal that drives the model.
     """
     progress(f"learning what the model misses on {len(reference.trials)} trials of the reference")
-    known = know_angle(reference, data, plain)
-    beyond = _beyond(reference, data, plain, known)
+    sound = without_dropouts(reference), without_dropouts(data)
+    known = know_angle(*sound, plain)
+    beyond = _beyond(*sound, plain, known)
     trials, of_pressure = data.trials, None
     if plain.signal == "command" and all(map(shows_drive, (*reference.trials, *data.trials))):
         drive = know_drive(reference, data)
@@ -225,8 +227,10 @@ def _beyond(reference: CampaignData, data: CampaignData, plain: Model, known: An
         trials=len(reference.trials),
         broken=bool(known.broken),
         usual=tuple(
-            Foreseen(mean, deviation, rows)
-            for (mean, deviation), rows in zip(known.common, known.unvisited, strict=True)
+            Foreseen(mean, deviation, rows, late)
+            for (mean, deviation), rows, late in zip(
+                known.common, known.unvisited, known.late, strict=True
+            )
         ),
     )
 

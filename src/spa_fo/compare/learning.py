@@ -158,8 +158,10 @@ def calibrated(squares: Floats, variance: Floats, weights: Floats) -> tuple[floa
     return float(found[0]), float(found[1])
 
 
-def beyond_scatter(squares: Floats, variance: Floats, weights: Floats, scatter: float) -> float:
-    """Fit what squares, (n,), are beyond a known constant as a multiple of a variance, likewise."""
+def beyond_scatter(
+    squares: Floats, variance: Floats, weights: Floats, scatter: float | Floats
+) -> float:
+    """Fit what squares, (n,), are beyond a known part as a multiple of a variance, likewise."""
     expected = np.full(variance.size, max(float(np.average(squares, weights=weights)), NOTHING))
     trust = 0.0
     for _ in range(_ROUNDS):

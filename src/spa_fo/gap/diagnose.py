@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spa_fo.atomic import write_text
 from spa_fo.blas import one_blas_thread
@@ -41,7 +40,7 @@ from spa_fo.gap.claim.expected import (
     with_equivalents,
 )
 from spa_fo.gap.data.evidence import noise_floor
-from spa_fo.gap.data.hold_out import rmse
+from spa_fo.gap.data.hold_out import HeldOut, hold_out, nothing_held_out, rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
 from spa_fo.gap.decide.explanation import Explanation
 from spa_fo.gap.decide.verdict import Verdict
@@ -57,7 +56,6 @@ from spa_fo.plant.nominal_drive import driven_by
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 from spa_fo.validation import suggestion
 
-Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 Answer = tuple[Examined, Claim, Verdict]
 
@@ -264,8 +262,8 @@ def _examined(
 ) -> tuple[Examined, Claim]:
     """Explain a campaign, held-out trials being such as can judge."""
 
-    def explained(missed_deg: Floats | None = None, why_all: str = "") -> tuple[Examined, Claim]:
-        found = examine(data, plain, excluded, rng, progress, beyond, missed_deg, why_all)
+    def explained(held: HeldOut | None = None) -> tuple[Examined, Claim]:
+        found = examine(data, plain, excluded, rng, progress, beyond, held)
         progress("predicting trials that took no part")
         return found, claim(found, found.verdict, rng)
 
@@ -275,12 +273,14 @@ def _examined(
     everything, plain_deg = examined.everything, claimed.curves["plain"]
     part = only_part_differs(everything, examined.held.trials, plain_deg, beyond)
     if part == "others":
-        progress("once more: those that were held out show no change")
-        examined, claimed = explained(everything.grid.angle_deg - plain_deg)
-        part = only_part_differs(everything, examined.held.trials, plain_deg, beyond)
+        again = hold_out(everything, rng, everything.grid.angle_deg - plain_deg)
+        part = only_part_differs(everything, again.trials, plain_deg, beyond)
+        if part is None:
+            progress("once more: those that were held out show no change")
+            return explained(again)
     if part is not None:
         progress("once more with all trials: those that are held out cannot judge")
-        examined, claimed = explained(why_all=_ALL)
+        examined, claimed = explained(nothing_held_out(everything, _ALL))
     return examined, claimed
 
 

@@ -86,10 +86,11 @@ def _due(jump: _Jump, alike: Sequence[_Jump], interval: float) -> float:
         other
         for other in alike
         if not other.lost
-        and abs(other.by_s - jump.by_s) < _NEAR * interval
+        and jump.after_s - _NEAR * interval < other.by_s < jump.by_s + _NEAR * interval
         and abs(other.change_kpa - jump.change_kpa) < 0.1 * abs(jump.change_kpa)
     ]
-    if not same:
+    # Of several jumps that a gap hides nobody knows which is which.
+    if not same or np.ptp([other.by_s for other in same]) > _NEAR * interval:
         return jump.by_s
     between = max(other.after_s for other in same), min(other.by_s for other in same)
     rows = np.arange(jump.after_s + interval, jump.by_s - 0.5 * interval, interval)

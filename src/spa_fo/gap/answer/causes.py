@@ -82,8 +82,9 @@ def stages(
     grid, fixture = everything.grid, everything.fixture
     if verdict.kind == "no_gap":
         return StageShares(dict.fromkeys(STAGES, 0.0))
-    either = verdict.kind == "unknown" and expected is not None and fixture is None
-    known, evenly = _named(verdict, _uncalibrated(grid, plain_deg, no_gap) if either else None)
+    uncalibrated = expected is not None and fixture is None
+    stages_of = _uncalibrated(grid, plain_deg, no_gap) if uncalibrated else None
+    known, evenly = _named(verdict, stages_of)
     by_command = grid.command_kpa is not None and not everything.has_pressure
     if verdict.kind != "unknown" or (verdict.sets and by_command):
         return StageShares(known, assumed=_NO_CALIBRATION + evenly if evenly else None)

@@ -56,23 +56,55 @@ def beyond_expected(
     something = max(_way(size, whole), float((drive_size or 0.0) > CLEARLY))
     if something == 1.0:
         verdict = _something(too_large_for_none(verdict, claimed))
-    shares = {s.named: _trust(s.named, size, whole, drive_size) for s in verdict.scored if s.named}
-    lost = sum(s.probability * (1.0 - shares[s.named]) for s in verdict.scored if s.named)
-    if not lost and something == 1.0:
+    trusted, lost = _trusted(verdict, size, whole, drive_size, claimed)
+    if something == 1.0 and all(trusted.get(s.named, 0.0) == s.probability for s in verdict.scored):
         return verdict
     unknown = something * (verdict.unknown + lost)
-    more = verdict.unknown + lost - unknown
+    none = verdict.unknown + lost - unknown
     scored = [
-        replace(s, probability=shares[s.named] * s.probability if s.named else s.probability + more)
+        replace(s, probability=trusted[s.named] if s.named else s.probability + none)
         for s in verdict.scored
     ]
     again = _at_most(1.0 - something, scored, unknown, verdict.unknown_drive)
-    sets = tuple(named for named in again.sets if named in verdict.sets)
+    rests = {r for r in map(_but_drive, verdict.sets) if _stands(r, claimed)}
+    known = {*verdict.sets, *rests}
+    sets = tuple(named for named in again.sets if named in known and trusted[named])
     if again.kind == "no_gap":
         return again
     return replace(
         again, kind=again.kind if sets and verdict.kind != "unknown" else "unknown", sets=sets
     )
+
+
+def _trusted(
+    verdict: Verdict, size: float, whole: float, drive_size: float | None, claimed: Claim | None
+) -> tuple[dict[Ids, float], float]:
+    """Give sets the part of their probability by which they are trusted, and what is lost.
+
+    Of what is as little of the drive's as may be without any change the rest stands, if by itself
+    it closes enough.
+    """
+    named = [s for s in verdict.scored if s.named]
+    trust = {s.named: _trust(s.named, size, whole, drive_size) for s in named}
+    found, lost = dict.fromkeys(trust, 0.0), 0.0
+    for s in named:
+        own, rest, passed = trust[s.named], _but_drive(s.named), 0.0
+        if rest in trust and _stands(rest, claimed):
+            passed = max(trust[rest] - own, 0.0)
+            found[rest] += passed * s.probability
+        found[s.named] += own * s.probability
+        lost += (1.0 - own - passed) * s.probability
+    return found, lost
+
+
+def _stands(named: Ids, claimed: Claim | None) -> bool:
+    """Say whether a set is known to close enough by itself, as far as a claim was made."""
+    return claimed is None or (named in claimed.closed and claimed.closes(named))
+
+
+def _but_drive(named: Ids) -> Ids:
+    """Leave the drive's effects out of a set."""
+    return tuple(name for name in named if LIBRARY[name].stage != "drive")
 
 
 def _at_most(none: float, scored: Sequence[Scored], unknown: float, of_drive: float) -> Verdict:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import median_filter
 
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
@@ -25,6 +26,9 @@ Integers = NDArray[np.int64]
 _LONGEST_LEVEL = 4  # of a step: 0.32 s resolves what is slow, and a diagnosis takes many runs
 _BINNING_DEG = 0.03  # error of averaging a curve over a step
 _TIMING_S = 0.003  # error of one sample's time
+# Times the usual time between samples, and times a ramp; of the range of the command; samples that
+# say how it slopes. Assumed.
+_A_GAP, _CHANGES, _SLOPE = 3.0, 0.02, 11
 _RATE_OVER_S = 0.12
 _CURVE_FLOOR_DEG = 0.08
 _NEAR_S = 0.4
@@ -55,6 +59,7 @@ class Evidence:
     drift_after: Integers  # (m,): how many trials came before
     usual: Usual | None = None  # what a reference says that the model misses
     foreseen_deg: Floats | None = None  # (n,): how well a reference knows that, 1 sigma
+    late_deg: Floats | None = None  # (n,): what times that are off make of it, as there, 1 sigma
     read_deg: float = 0.0  # largest angle that a reference has read
     step_deg: float = 0.0  # of the converter, as an angle; 0 where none shows
     line_deg: float = 0.0  # RMS of an interference that was taken off the angles
@@ -105,7 +110,9 @@ def collect(data: CampaignData) -> Evidence:
         takes_part=np.ones(len(rows), dtype=bool),
         noise_deg=noise,
         pressure_noise_kpa=float("nan") if grid.measured_kpa is None else _white(pressures),
-        variance=noise**2 / grid.counts + _BINNING_DEG**2 + (_TIMING_S * _rates(grid, rows)) ** 2,
+        variance=noise**2 / grid.counts
+        + _BINNING_DEG**2
+        + (np.hypot(_TIMING_S, _unsure_s(grid, rows)) * _rates(grid, rows)) ** 2,
         curve_sigma_deg=_curve_sigma(data.calibration),
         curve_apart_deg=_curve_sigma(data.calibration, loop=False),
         fixture=fixture_of(data.calibrations, grid.trials[0].started_s),
@@ -141,6 +148,27 @@ def _rates(grid: CampaignGrid, rows: list[Integers]) -> Floats:
         about = np.interp(time + _RATE_OVER_S * np.array([[-1.0], [0.0], [1.0]]), time, area)
         rates[own] = np.abs(np.diff(about, 2, axis=0)[0]) / _RATE_OVER_S**2
     return rates
+
+
+def _unsure_s(grid: CampaignGrid, rows: list[Integers]) -> Floats:
+    """How unsure it is when the command last jumped, at each averaged sample, 1 sigma, s.
+
+    What jumped within a gap of the log did so at any time in it. Trials alike may say when, but
+    not what else happened meanwhile.
+    """
+    unsure = np.zeros(grid.time_s.size)
+    for own, trial in zip(rows, grid.trials, strict=True):
+        if trial.command_kpa is None or trial.t_s.size < 2:
+            continue
+        interval_s, change = np.diff(trial.t_s), np.abs(np.diff(trial.command_kpa))
+        usual_s, slowest = float(np.median(interval_s)), _CHANGES * np.ptp(trial.command_kpa)
+        # A ramp is where it was, and where it is after a gap.
+        sloped = median_filter(change / np.maximum(interval_s, usual_s), _SLOPE, mode="nearest")
+        at = np.flatnonzero((change > slowest) & (change > _A_GAP * sloped * interval_s))
+        sigma_s = np.where(interval_s > _A_GAP * usual_s, interval_s, 0.0)[at] / np.sqrt(12.0)
+        last = np.searchsorted(trial.t_s[at], grid.time_s[own])
+        unsure[own] = np.append(0.0, sigma_s)[last]
+    return unsure
 
 
 def _run_alike(grid: CampaignGrid) -> Integers:
@@ -304,6 +332,7 @@ class Foreseen:
     missed_deg: Floats  # by the model, in both campaigns
     deviation_deg: Floats  # of that, 1 sigma
     unvisited: NDArray[np.bool_]  # where the reference never was: nobody knows
+    late_deg: Floats  # by times that are off, as the reference's were, 1 sigma
 
 
 def with_usual(
@@ -325,7 +354,7 @@ def with_usual(
     grid = evidence.grid
     anything = max(largest_deg(grid.trials), read_deg)
     angle = np.zeros(grid.level.size)
-    squares, doubt = [], []
+    squares, doubt, late = [], [], []
     by_order = {t.order: each for t, each in zip(evidence.data.trials, usual, strict=True)}
     # An actuator rests where its next trial begins.
     begins = [float(by_order[trial.order].missed_deg[0]) for trial in grid.trials]
@@ -333,6 +362,7 @@ def with_usual(
         own, kept = by_order[trial.order], ~trial.after_reset
         squares.append(own.deviation_deg[kept] ** 2)
         doubt.append(np.where(own.unvisited, anything, 0.0)[kept] ** 2)
+        late.append(own.late_deg[kept] ** 2)
         steps = slice(grid.step_starts[i], grid.step_starts[i] + grid.trial_steps[i])
         ends_s = np.cumsum(STEPS_S[grid.level[steps]])
         angle[steps] = np.interp(ends_s, trial.t_s, own.missed_deg)
@@ -343,6 +373,7 @@ def with_usual(
         usual=Usual(angle, static_gain(given), begins[0]),
         read_deg=read_deg,
         foreseen_deg=np.sqrt(grid.averaged(np.concatenate(squares))),
+        late_deg=np.sqrt(grid.averaged(np.concatenate(late))),
         variance=evidence.variance + grid.averaged(np.concatenate(doubt)),
     )
 

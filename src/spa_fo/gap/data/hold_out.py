@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.diagnosis import Shrink
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 _MOST = 0.3  # of the trials
 _DRAWS = 2000
@@ -34,7 +36,7 @@ def hold_out(
 
     The first trial of an experiment stays: softening is seen in it. Where only some experiments can
     be held out, it is those whose trials the given model misses most, `missed_deg`, (n,), at the
-    averaged samples: a trial without a gap judges nothing.
+    averaged samples, and so is a lone one: a trial without a gap judges nothing.
     """
     grid = evidence.grid
     held = np.zeros(len(grid.trials), dtype=bool)
@@ -49,6 +51,8 @@ def hold_out(
         return HeldOut(held, f"one trial of each of {', '.join(names)}: {held.sum()} trials")
     if held.size >= 3:
         one = int(rng.integers(held.size))
+        if missed_deg is not None:
+            one = int(np.argmax([_gap(evidence, [own], missed_deg) for own in evidence.rows]))
         held[one] = True
         return HeldOut(held, f"{grid.trials[one].label}, the only one of its experiment")
     return nothing_held_out(evidence)
@@ -60,14 +64,17 @@ def _by_gap(evidence: Evidence, missed_deg: Floats | None) -> list[str]:
     names = list(dict.fromkeys(trial.experiment for trial in trials))
     if missed_deg is None:
         return names
-    counts = evidence.grid.counts
+    rows = {
+        name: [r for r, t in zip(evidence.rows, trials, strict=True) if t.experiment == name]
+        for name in names
+    }
+    return sorted(names, key=lambda name: _gap(evidence, rows[name], missed_deg), reverse=True)
 
-    def gap(name: str) -> float:
-        rows = [r for r, t in zip(evidence.rows, trials, strict=True) if t.experiment == name]
-        own = np.concatenate(rows)
-        return float(counts[own] @ missed_deg[own] ** 2) / max(float(counts[own].sum()), 1e-9)
 
-    return sorted(names, key=gap, reverse=True)
+def _gap(evidence: Evidence, rows: Sequence[Integers], missed_deg: Floats) -> float:
+    """Mean square of what is missed over some trials' rows, deg²."""
+    own, counts = np.concatenate(rows), evidence.grid.counts
+    return float(counts[own] @ missed_deg[own] ** 2) / max(float(counts[own].sum()), 1e-9)
 
 
 def nothing_held_out(evidence: Evidence, why: str = "no trial was left to hold out") -> HeldOut:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.gap.data.dropouts import without_dropouts
 from spa_fo.gap.data.evidence import Evidence, angle_chain, collect, noise_floor, with_usual
-from spa_fo.gap.data.hold_out import HeldOut, hold_out, nothing_held_out
+from spa_fo.gap.data.hold_out import HeldOut, hold_out
 from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure, with_nominal
 from spa_fo.gap.decide.verdict import Verdict
 from spa_fo.gap.decide.weigh import decide
@@ -57,15 +58,14 @@ def examine(
     rng: np.random.Generator,
     progress: Progress = silent,
     beyond: Beyond | None = None,
-    missed_deg: Floats | None = None,
-    why_all: str = "",
+    held: HeldOut | None = None,
 ) -> Examined:
     """Fit and weigh every explanation; for the parameters see `diagnose`.
 
-    `rng` chooses the trials that are held out, among those with the largest gap where this,
-    `missed_deg`, is known; where `why_all` says why not, none is.
+    `rng` chooses the trials that are held out, where these are not given.
     """
     check_driven(plain, data)
+    data = without_dropouts(data)
     by_command = data.campaign.command_is_pressure
     if plain.signal == "pressure" and by_command:
         data = driven_by_pressure(data)
@@ -73,13 +73,11 @@ def examine(
     campaign = replace(data.campaign, reference_kpa=plain.reference_kpa)
     data = replace(data, campaign=campaign)
     everything, given = collect(data), plain.transfer_function.as_array()
-    excluded = tuple(excluded)
+    excluded, missed_deg = tuple(excluded), None
     if by_command and beyond is None:
         plain_deg = angle_chain(everything, given, None).run(given, absent())[0]
         missed_deg = everything.grid.angle_deg - plain_deg
-    if why_all:
-        held = nothing_held_out(everything, why_all)
-    else:
+    if held is None:
         held = hold_out(everything, rng, missed_deg)
     fast = NONE
     if at_port("line") not in excluded:

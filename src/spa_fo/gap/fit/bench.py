@@ -165,7 +165,10 @@ def _times_foreseen(evidence: Evidence, rows: Rows, noise: BenchNoise) -> Floats
     """Say how many times as large the noise is at each row, (rows,), as a reference foresees it."""
     if evidence.foreseen_deg is None or not noise.foreseen_deg:
         return None
-    return rows.merged(evidence.foreseen_deg) / noise.foreseen_deg
+    unsure = evidence.foreseen_deg
+    if evidence.late_deg is not None:
+        unsure = np.hypot(unsure, evidence.late_deg)
+    return rows.merged(unsure) / noise.foreseen_deg
 
 
 def hidden_deg(evidence: Evidence) -> float:

@@ -3,7 +3,7 @@
 A model that was identified elsewhere tells the step response, and each coefficient only as far as
 that decides it: coefficients that make one response lie in a narrow and curved valley, far wider
 than where it is straight. So its response stands among the observations, and the prior is a usual
-actuator's.
+actuator's; or, beside a reference, as wide about the model itself.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class KnownResponse:
 class Coefficients:
     """What is known of the searched coefficients: a usual actuator, and a model's response."""
 
-    mean: Floats  # (5,), of a usual actuator as fast and as strong as the given model
+    mean: Floats  # (5,), of a usual actuator as fast and as strong as the given model, or its own
     spread: Floats  # (5, 5), covariance
     response: KnownResponse | None = None  # None of a model fitted to this very campaign: it bent
 
@@ -154,11 +154,10 @@ def identified(
     gain = min(float(given[4] / given[3]), float(np.abs(values).max()))
     values = values / gain
     known = KnownResponse(times_s, values, gain, error * np.eye(count))
-    before = usual(given, horizon_s)
+    before, inside = usual(given, horizon_s), (LOWEST + 1e-2, HIGHEST - 5e-3)
     if noise.compared:  # what the model misses, however odd it is, is known beside it
-        mean = to_z(given)
-        before = Coefficients(mean, before.spread)
-    root, inside = np.linalg.cholesky(before.spread), (LOWEST + 1e-2, HIGHEST - 5e-3)
+        before = Coefficients(np.clip(to_z(given), *inside), before.spread)
+    root = np.linalg.cholesky(before.spread)
 
     def left(z: Floats) -> Floats:
         return np.append(known.left(z), forward(root, z - before.mean))

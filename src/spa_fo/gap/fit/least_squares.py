@@ -232,9 +232,7 @@ class Explained(ABC):
             second = 2.0 / _BEND * ((near - kept.left) / _BEND + j @ step)
             return np.asarray(j_taken.T @ kept.taken(second) - j.T @ second)
 
-        return minimise(
-            value, quadratic, start, low, high, enough, most, self.precision, bend
-        )
+        return minimise(value, quadratic, start, low, high, enough, most, self.precision, bend)
 
     def spread(self, variances: Floats) -> Floats:
         """Prior variances of all nuisances for variances of their groups."""

@@ -13,19 +13,23 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.fit.lapack import forward
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.search.fitted import Fitted, problem_of, variants
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.effect import Parameter
 from spa_fo.plant.effects.library import LIBRARY, log_odds, ordered
 
 Floats = NDArray[np.float64]
 
 _BEST_STARTS = 2
 _FARTHEST = 4.0  # times the size that an effect is screened with
-_NEARER, _STEPS = (0.002, 0.0002), 9  # of a look about a moment, shares of the campaign; each way
+# Of looks about a moment: the first step, a share of the campaign, how much finer the next is, how
+# many there are each way, and how fine the last is at least. Assumed.
+_NEARER, _FINER, _STEPS, _FINEST_S = 0.002, 10.0, 9, 0.1
 
 
 @dataclass(frozen=True)
@@ -106,9 +110,14 @@ class _ScoreTest:
         found = shown([z[5:] for z in starts(AngleProblem(bench, (name,)), base.z[:5])])
         if moment is not None:
             # No slope leads from one moment to another in the midst of a motion.
-            for step in _NEARER:
+            parameter, step = LIBRARY[name].parameters[moment], _NEARER
+            whole_s = float(bench.evidence.grid.middle_s[-1])
+            while True:
                 best = max(found, key=lambda one: one.gain).z[5:][mine]
-                found += shown(_about(best, moment, step))
+                found += shown(_about(best, moment, parameter, step))
+                if step * whole_s <= _FINEST_S:
+                    break
+                step /= _FINER
         return found
 
     def _shown(self, name: str, one: AngleProblem, mine: NDArray[np.bool_], own: Floats) -> Shown:
@@ -126,10 +135,11 @@ class _ScoreTest:
         return Shown(name, size * score - 0.5 * size**2 * seen, z)
 
 
-def _about(own: Floats, moment: int, step: float) -> list[Floats]:
+def _about(own: Floats, moment: int, parameter: Parameter, step: float) -> list[Floats]:
     """Give points at moments near that of one."""
-    near = np.exp(own[moment]) + step * np.arange(-_STEPS, _STEPS + 1)
-    near = near[(near > 0.0) & (near < 1.0)]
+    slot = Slot(parameter, moment)
+    near = slot.value(own[moment]) + step * np.arange(-_STEPS, _STEPS + 1)
+    near = near[(near > parameter.low) & (near < parameter.high)]
     points = np.tile(own, (near.size, 1))
-    points[:, moment] = np.log(near)
+    points[:, moment] = [slot.searched(since) for since in near.tolist()]
     return list(points)

@@ -119,7 +119,7 @@ def poles(time_constant: float, second: float, tail: float) -> tuple[float, floa
     return quick * (1.0 - second), quick * second, _TAIL * quick
 
 
-_SOFT_S = 0.05  # how long a switch takes
+_SOFT_S = 0.05  # how long a switch takes: a sample or two. Assumed
 _BEFORE_S = 1.0
 
 

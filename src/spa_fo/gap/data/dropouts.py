@@ -1,0 +1,78 @@
+"""Readings that go off for a sample or two and come back: a lost frame, a byte, a loose contact.
+
+They say nothing of an actuator, and as nothing else is so far off a few would decide how a fit
+ends. What is read about them stands for them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter, uniform_filter1d
+
+from spa_fo.rig import CampaignData, Trial
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# All of these are assumed.
+_ABOUT, _FAR = 5, 11  # samples about one, of which two may be off, and those that say how it moves
+_NOISES, _MOTIONS = 8.0, 3.0  # times noise, and what moves from sample to sample, that none is off
+_AFTER_S = 1.0  # a jump of the input, within which an actuator may swing as fast as it is sampled
+_JUMP = 0.02  # of the range of the input
+_NORMAL = 1.4826  # standard deviation of a normal variable over its median absolute deviation
+
+
+def without_dropouts(data: CampaignData) -> CampaignData:
+    """Let each reading that is a dropout be the median of those about it."""
+    trials = [
+        replace(trial, angle_deg=mended(trial.angle_deg, _swings(trial))) for trial in data.trials
+    ]
+    return replace(data, trials=tuple(trials))
+
+
+def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
+    """Replace single samples, or two in a row, that are far off all others near them.
+
+    That is by eight times the noise, and by three times what the angle moves from one sample to the
+    next: neither a turn nor an edge is a dropout.
+
+    Parameters
+    ----------
+    angle_deg : (n,) array
+        What was read.
+    swings : (n,) bool array, optional
+        Where the angle may move and come back as fast itself.
+
+    Returns
+    -------
+    (n,) array
+        The same, but for dropouts.
+    """
+    if angle_deg.size < _FAR:
+        return angle_deg
+    about = np.asarray(median_filter(angle_deg, _ABOUT, mode="mirror"))
+    off = np.abs(angle_deg - about)
+    steps = np.abs(np.diff(angle_deg))
+    moving = uniform_filter1d(steps, _FAR, mode="mirror")
+    moving = np.append(moving, moving[-1])
+    own_steps = steps[steps > 0.0]
+    finest = float(own_steps.min()) if own_steps.size else 0.0  # of a converter
+    noise = max(_NORMAL * float(np.median(off)), finest)
+    dropped = (off > _NOISES * noise) & (off > _MOTIONS * moving)
+    if swings is not None:
+        dropped &= ~swings
+    return np.where(dropped, about, angle_deg)
+
+
+def _swings(trial: Trial) -> Bools:
+    """Say where the input has jumped just before."""
+    drive = trial.pressure_kpa if trial.command_kpa is None else trial.command_kpa
+    if drive is None:
+        return np.zeros(trial.t_s.size, dtype=bool)
+    jumps = np.flatnonzero(np.abs(np.diff(drive)) > _JUMP * np.ptp(drive))
+    begins = np.append(-np.inf, trial.t_s[jumps])
+    since = trial.t_s - begins[np.searchsorted(trial.t_s[jumps], trial.t_s, side="right")]
+    return np.asarray(since < _AFTER_S)

@@ -1,0 +1,110 @@
+"""Readings that go off for a sample or two are told from edges, turns and noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from spa_fo.gap.data.dropouts import mended, without_dropouts
+from spa_fo.rig import CampaignData, Trial
+
+T_S = np.arange(0.0, 20.0, 0.02)
+NOISE_DEG = 0.1
+
+
+def noisy(angle_deg: np.ndarray, seed: int = 0) -> np.ndarray:
+    return angle_deg + NOISE_DEG * np.random.default_rng(seed).standard_normal(angle_deg.size)
+
+
+SHAPES = {
+    "rest": np.zeros(T_S.size),
+    "step": np.where(T_S > 5.0, 60.0, 0.0),
+    "rise": 60.0 * -np.expm1(-np.maximum(T_S - 5.0, 0.0) / 0.1),
+    "triangle": 60.0 * np.abs((T_S / 4.0) % 2.0 - 1.0),
+    "wave": 40.0 + 20.0 * np.sin(2.0 * np.pi * 2.0 * T_S),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_what_an_actuator_does_is_no_dropout(shape: str) -> None:
+    for seed in range(5):
+        angle = noisy(SHAPES[shape], seed)
+        np.testing.assert_array_equal(mended(angle), angle)
+        # As little where nothing hides it: of a simulation, or a converter with few counts.
+        for clean in (SHAPES[shape], np.round(angle / 0.5) * 0.5):
+            np.testing.assert_array_equal(mended(clean), clean)
+
+
+@given(
+    shape=st.sampled_from(sorted(SHAPES)),
+    at=st.integers(0, T_S.size - 2),
+    size=st.floats(60.0, 120.0),
+    up=st.booleans(),
+    long=st.integers(1, 2),
+)
+def test_a_dropout_is_read_as_what_is_about_it(
+    shape: str, at: int, size: float, up: bool, long: int
+) -> None:
+    angle = noisy(SHAPES[shape])
+    off = angle.copy()
+    off[at : at + long] += size if up else -size
+    found = mended(off)
+    if 3 < at < T_S.size - 5 or (at == 0 and long == 1):  # at an end little says what is off
+        assert np.abs(found - angle).max() < 0.6 * size
+    away = np.arange(T_S.size)
+    np.testing.assert_array_equal(found[np.abs(away - at) > 3], off[np.abs(away - at) > 3])
+
+
+def overshooting(interval_s: float, hz: float, damping: float, noise_deg: float) -> Trial:
+    """Give a trial whose angle swings after a step of its command."""
+    t = np.arange(0.0, 20.0, interval_s)
+    late, decay = np.maximum(t - 5.0, 0.0), 2.0 * np.pi * hz * damping
+    swing = np.exp(-decay * late) * np.cos(2.0 * np.pi * hz * late)
+    angle = np.where(t >= 5.0, 60.0 * (1.0 - swing), 0.0)
+    none = np.zeros(t.size, dtype=bool)
+    noise = noise_deg * np.random.default_rng(1).standard_normal(t.size)
+    return Trial(
+        experiment="step",
+        trial=1,
+        protocol="step",
+        setpoint_deg=None,
+        order=1,
+        started_s=0.0,
+        t_s=t,
+        command_kpa=np.where(t >= 5.0, 50.0, 0.0),
+        pressure_kpa=None,
+        flex_adc=None,
+        angle_deg=angle + noise,
+        after_reset=none,
+        outside_calibration=none,
+    )
+
+
+@pytest.mark.parametrize(("interval_s", "hz", "damping"), [(0.05, 4.0, 0.2), (0.1, 2.0, 0.3)])
+@pytest.mark.parametrize("noise_deg", [0.0, 0.1])
+def test_what_swings_as_fast_as_it_is_sampled_is_left(
+    interval_s: float, hz: float, damping: float, noise_deg: float
+) -> None:
+    trial = overshooting(interval_s, hz, damping, noise_deg)
+    off = trial.angle_deg.copy()
+    off[[20, -20]] += 70.0  # before the step, and long after it
+    data = CampaignData(cast(Any, None), (replace(trial, angle_deg=off),))
+    found = without_dropouts(data).trials[0].angle_deg
+    left = np.setdiff1d(np.arange(off.size), [20, off.size - 20])
+    np.testing.assert_array_equal(found[left], trial.angle_deg[left])
+    assert np.abs(found - trial.angle_deg).max() < 5.0
+
+
+def test_samples_that_are_held_twice_are_left() -> None:
+    held = np.repeat(SHAPES["triangle"][::8], 2)
+    np.testing.assert_array_equal(mended(held), held)
+
+
+def test_a_log_of_few_samples_is_left_alone() -> None:
+    angle = np.array([0.0, 0.0, 50.0, 0.0, 0.0])
+    assert mended(angle) is angle

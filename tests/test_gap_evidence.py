@@ -1,0 +1,82 @@
+"""How sure each averaged sample of a campaign is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import campaigns
+from spa_fo.gap.data.evidence import collect
+from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
+
+STEP_S, END_S = 1.0, 1.3  # the command rises at the first; the log goes on at the second
+BEGIN_S = 0.7
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> CampaignData:
+    folder = tmp_path_factory.mktemp("evidence") / "steps"
+    campaigns.step_campaign(folder, trials=2)
+    return read_trials(read_campaign(folder))
+
+
+def without(trial: Trial, begin_s: float, end_s: float) -> Trial:
+    kept = (trial.t_s <= begin_s) | (trial.t_s >= end_s)
+    arrays = {
+        name: values[kept] for name, values in vars(trial).items() if isinstance(values, np.ndarray)
+    }
+    return replace(trial, **arrays)
+
+
+def gapped(data: CampaignData, begin_s: float, end_s: float) -> CampaignData:
+    first, *others = data.trials
+    return replace(data, trials=(without(first, begin_s, end_s), *others))
+
+
+def test_what_changed_in_a_gap_of_the_log_did_so_at_any_time_in_it(clean: CampaignData) -> None:
+    evidence, before = collect(gapped(clean, BEGIN_S, END_S)), collect(clean)
+    rows, whole = evidence.rows[0], before.rows[0]
+    time, rising = evidence.grid.time_s[rows], before.grid.time_s[whole]
+    variance = np.interp(time, rising, before.variance[whole])
+    angle = np.interp(time, rising, before.grid.angle_deg[whole])
+    command = clean.trials[0].command_kpa
+    assert command is not None
+    release_s = clean.trials[0].t_s[np.flatnonzero(np.diff(command) < 0.0)[-1]]
+    released = time > release_s + 0.1  # that was logged
+    np.testing.assert_allclose(evidence.variance[rows][released], variance[released], rtol=0.2)
+    # As it rises, by as much as the angle moves in a twelfth of the gap's square.
+    risen = (time > END_S + 0.2) & (time < 2.5)
+    moved = np.gradient(angle, time)[risen] ** 2 * (END_S - BEGIN_S) ** 2 / 12.0
+    more = evidence.variance[rows][risen] - variance[risen]
+    assert np.sqrt(more.mean()) == pytest.approx(np.sqrt(moved.mean()), rel=0.2)
+    assert more.min() > 1.0
+    # Other trials are as sure as before, but for what the first says of the noise.
+    sure = evidence.variance[evidence.rows[1]]
+    np.testing.assert_allclose(sure, before.variance[before.rows[1]], rtol=0.05)
+
+
+def test_a_gap_while_the_input_holds_makes_nothing_unsure(clean: CampaignData) -> None:
+    evidence, before = collect(gapped(clean, 3.0, 3.6)), collect(clean)
+    rows, whole = evidence.rows[0], before.rows[0]
+    time = evidence.grid.time_s[rows]
+    variance = np.interp(time, before.grid.time_s[whole], before.variance[whole])
+    np.testing.assert_allclose(evidence.variance[rows][time > 4.0], variance[time > 4.0], rtol=0.2)
+
+
+@pytest.mark.parametrize("period_s", [3.0, 10.0])
+def test_a_wave_is_where_it_was_and_where_it_is_after_a_gap(
+    clean: CampaignData, period_s: float
+) -> None:
+    waving = tuple(
+        replace(trial, command_kpa=25.0 + 25.0 * np.sin(2.0 * np.pi * trial.t_s / period_s))
+        for trial in clean.trials
+    )
+    data = replace(clean, trials=waving)
+    evidence, before = collect(gapped(data, 5.0, 5.4)), collect(data)
+    rows, whole = evidence.rows[0], before.rows[0]
+    time = evidence.grid.time_s[rows]
+    variance = np.interp(time, before.grid.time_s[whole], before.variance[whole])
+    later = time > 6.0
+    assert np.median(evidence.variance[rows][later] / variance[later]) < 1.2
