@@ -30,6 +30,9 @@ _FARTHEST = 4.0  # times the size that an effect is screened with
 # Of looks about a moment: the first step, a share of the campaign, how much finer the next is, how
 # many there are each way, and how fine the last is at least. Assumed.
 _NEARER, _FINER, _STEPS, _FINEST_S = 0.002, 10.0, 9, 0.1
+_HOPE = (
+    0.5  # of what a rare effect has to show: less, and no moment nearby makes up for it. Assumed.
+)
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,7 @@ class _ScoreTest:
             return [self._shown(name, one, mine, own) for own, one in product(points, problems)]
 
         found = shown([z[5:] for z in starts(AngleProblem(bench, (name,)), base.z[:5])])
-        if moment is not None:
+        if moment is not None and max(one.gain for one in found) > -beforehand((name,)):
             # No slope leads from one moment to another in the midst of a motion.
             parameter, step = LIBRARY[name].parameters[moment], _NEARER
             whole_s = float(bench.evidence.grid.middle_s[-1])
