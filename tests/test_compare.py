@@ -125,7 +125,7 @@ def test_what_the_held_out_trial_alone_shows_is_explained_from_all(tmp_path: Pat
     loose = replace(second, angle_deg=0.25 * second.angle_deg)
     found = compare(data, replace(data, trials=(first, loose)), model)
     assert found.change.held_out_on.startswith(
-        "none, as only what would be held out shows the change; "
+        "none, as what could be held out is all that shows the change"
     )
     shares = found.change.where.stage
     assert shares is not None

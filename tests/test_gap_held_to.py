@@ -22,10 +22,10 @@ from spa_fo.gap.claim.expected import (
     SURELY,
     beyond_expected,
     differs,
-    no_sensor_s_alone,
     not_compared,
     only_part_differs,
     unnamed,
+    unsure_of_the_sensor,
     with_equivalents,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
@@ -267,13 +267,21 @@ def test_without_the_pressure_a_delay_of_the_drive_is_one_of_the_log() -> None:
 
 
 def test_without_a_calibration_a_sensor_s_effect_is_a_part_of_what_is_unknown() -> None:
-    slip = no_sensor_s_alone(answer({("sensor_slip",): 0.9, (): 0.04}, 0.06))
+    slip = unsure_of_the_sensor(answer({("sensor_slip",): 0.9, (): 0.04}, 0.06))
     assert (slip.kind, slip.sets) == ("unknown", (("sensor_slip",),))
     assert slip.of(("sensor_slip",)).probability == pytest.approx(0.45)
     assert (slip.unknown, slip.none) == pytest.approx((0.51, 0.04))
-    for other in ({("creep",): 0.9}, {("creep", "sensor_slip"): 0.9}, {(): 0.9}):
+    # So it is beside an effect of the actuator, if it acts like one itself.
+    both = unsure_of_the_sensor(answer({("gravity_load", "sensor_nonlinearity"): 0.9}, 0.1))
+    assert (both.kind, both.sets) == ("unknown", (("gravity_load", "sensor_nonlinearity"),))
+    for other in (
+        {("creep",): 0.9},
+        {("sensor_creep",): 0.5, ("creep",): 0.4},
+        {("creep", "sensor_detachment"): 0.9},
+        {(): 0.9},
+    ):
         found = answer(other, 0.1)
-        assert no_sensor_s_alone(found) == found
+        assert unsure_of_the_sensor(found) == found
 
 
 def examined(repeats: int, response: Any = None, fixture: Any = None) -> Any:

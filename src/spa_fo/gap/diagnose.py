@@ -32,11 +32,11 @@ from spa_fo.gap.claim.claimed import (
 from spa_fo.gap.claim.expected import (
     beyond_expected,
     differs,
-    no_sensor_s_alone,
     not_compared,
     only_part_differs,
     times_missed_of_drive,
     unnamed,
+    unsure_of_the_sensor,
     with_equivalents,
 )
 from spa_fo.gap.data.evidence import noise_floor
@@ -242,7 +242,7 @@ def _answered(
         verdict = beyond_expected(verdict, times, beyond.changed, of_drive, claimed)
         if examined.everything.fixture is None:
             verdict = with_equivalents(verdict, claimed, examined.everything.has_pressure)
-            verdict = no_sensor_s_alone(verdict)
+            verdict = unsure_of_the_sensor(verdict)
         if beyond.says_nothing:
             verdict = not_compared(verdict)
         elif beyond.says_little:

@@ -15,7 +15,7 @@ from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, alike, same_filter
+from spa_fo.plant.effects.library import LIBRARY, acts_like, alike, same_filter
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -236,19 +236,26 @@ def with_equivalents(verdict: Verdict, claimed: Claim, pressed: bool) -> Verdict
     return replace(verdict, kind=kind, sets=sets)
 
 
-def no_sensor_s_alone(verdict: Verdict) -> Verdict:
-    """Take what is the sensor's alone for a part of an unknown cause, not for the cause.
+def unsure_of_the_sensor(verdict: Verdict) -> Verdict:
+    """Take what a sensor explains for a part of an unknown cause, not for the cause.
 
     Without a calibration a change of the actuator that no effect describes looks the same: whose it
-    is, is taken to be even.
+    is, is taken to be even. So it is beside an effect of the actuator, which then may be in another
+    form than ours. It stands where a set without it does as well.
     """
-    stages = {LIBRARY[name].stage for ids in verdict.sets for name in ids}
-    if verdict.kind not in ("cause", "ambiguous") or stages != {"sensor"}:
+    named = verdict.kind in ("cause", "ambiguous")
+    if not named or not all(map(_by_the_sensor, verdict.sets)):
         return verdict
     scored = [replace(s, probability=0.5 * s.probability) if s.named else s for s in verdict.scored]
     lost = sum(s.probability for s in scored if s.named)
     again = replace(judge(scored, verdict.unknown + lost, verdict.unknown_drive), kind="unknown")
     return replace(again, sets=verdict.sets[:1])
+
+
+def _by_the_sensor(named: Ids) -> bool:
+    """Whether a set is the sensor's alone, or has what acts like an effect of the actuator."""
+    of_sensor = [name for name in named if LIBRARY[name].stage == "sensor"]
+    return len(of_sensor) == len(named) or any(acts_like(name, "actuator") for name in of_sensor)
 
 
 def _equivalents(ids: Ids, pressed: bool) -> Iterator[Ids]:
