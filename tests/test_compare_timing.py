@@ -54,7 +54,7 @@ def test_it_is_found(late_s: float) -> None:
 
 def test_what_is_not_sound_says_nothing_of_it() -> None:
     left = missed(0.0)
-    wrong = np.abs(rate(ANGLE_DEG, T_S)) > 100.0
+    wrong = rate(ANGLE_DEG, T_S) > 100.0
     off = [each + 50.0 * wrong for each in left]
     # No more than two samples: what is later is no error of timing.
     assert lateness_s(trials_of(off), law_of(off)) == pytest.approx(0.04)
@@ -65,7 +65,7 @@ def test_what_is_not_sound_says_nothing_of_it() -> None:
 def test_a_law_expects_more_where_the_angle_is_fast() -> None:
     left = missed(0.0, 2)
     law = unsure_of_time(law_of(left), trials_of(left), 0.02)
-    fast = np.abs(rate(ANGLE_DEG, T_S))
+    fast = rate(ANGLE_DEG, T_S)
     for expected in law.expected:
         np.testing.assert_allclose(expected, np.hypot(NOISE_DEG, 0.02 * fast), rtol=1e-6)
 

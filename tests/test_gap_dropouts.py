@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spa_fo.gap.data.dropouts import mended, without_dropouts
+from spa_fo.gap.data.dropouts import dropout_finding, mended, without_dropouts
 from spa_fo.rig import CampaignData, Trial
 
 T_S = np.arange(0.0, 20.0, 0.02)
@@ -98,6 +98,9 @@ def test_what_swings_as_fast_as_it_is_sampled_is_left(
     left = np.setdiff1d(np.arange(off.size), [20, off.size - 20])
     np.testing.assert_array_equal(found[left], trial.angle_deg[left])
     assert np.abs(found - trial.angle_deg).max() < 5.0
+    (said,) = dropout_finding(data)
+    assert said.startswith("2 readings in 1 trials")
+    assert dropout_finding(CampaignData(cast(Any, None), (trial,))) == ()
 
 
 def test_samples_that_are_held_twice_are_left() -> None:

@@ -11,8 +11,7 @@ import campaigns
 from spa_fo.gap.data.evidence import collect
 from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
 
-STEP_S, END_S = 1.0, 1.3  # the command rises at the first; the log goes on at the second
-BEGIN_S = 0.7
+BEGIN_S, END_S = 0.7, 1.3  # of a gap in which the command rises
 
 
 @pytest.fixture(scope="module")

@@ -39,6 +39,7 @@ from spa_fo.gap.claim.expected import (
     unsure_of_the_sensor,
     with_equivalents,
 )
+from spa_fo.gap.data.dropouts import dropout_finding
 from spa_fo.gap.data.evidence import noise_floor
 from spa_fo.gap.data.hold_out import HeldOut, hold_out, nothing_held_out, rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
@@ -201,6 +202,7 @@ def diagnose(
             *(() if nominal is None else nominal.sentences(examined.drive is not None)),
             *drive_finding(examined.drive, everything, examined.held),
             *filter(None, [noise.sentence()]),
+            *dropout_finding(data),
         ),
         baselines={"smallest_bic": smallest_bic(examined), "commonest": [COMMONEST]},
         traces=traces_of(examined, curves, final),

@@ -33,6 +33,18 @@ def without_dropouts(data: CampaignData) -> CampaignData:
     return replace(data, trials=tuple(trials))
 
 
+def dropout_finding(data: CampaignData) -> tuple[str, ...]:
+    """Say how many readings of a campaign are dropouts, and what became of them; else nothing."""
+    pairs = zip(data.trials, without_dropouts(data).trials, strict=True)
+    off = [int(np.count_nonzero(raw.angle_deg != sound.angle_deg)) for raw, sound in pairs]
+    if not any(off):
+        return ()
+    return (
+        f"{sum(off)} readings in {np.count_nonzero(off)} trials go off for a sample or two and "
+        "come back: each is taken for the median of those about it.",
+    )
+
+
 def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
     """Replace single samples, or two in a row, that are far off all others near them.
 

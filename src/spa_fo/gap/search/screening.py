@@ -30,9 +30,6 @@ _FARTHEST = 4.0  # times the size that an effect is screened with
 # Of looks about a moment: the first step, a share of the campaign, how much finer the next is, how
 # many there are each way, and how fine the last is at least. Assumed.
 _NEARER, _FINER, _STEPS, _FINEST_S = 0.002, 10.0, 9, 0.1
-_HOPE = (
-    0.5  # of what a rare effect has to show: less, and no moment nearby makes up for it. Assumed.
-)
 
 
 @dataclass(frozen=True)
