@@ -305,6 +305,16 @@ def test_without_repeats_one_experiment_is_held_out():
     assert held.trials.sum() == 1
 
 
+@pytest.mark.parametrize(("reached", "one"), [([10.0, 30.0, 20.0], 2), ([10.0, 20.4, 20.0], 1)])
+def test_what_goes_farther_than_all_else_is_not_held_out_alone(reached, one):
+    own = trials(list(enumerate("abc")))
+    for trial, kpa in zip(own.grid.trials, reached, strict=True):
+        trial.command_kpa, trial.pressure_kpa = np.array([0.0, kpa]), None
+    own.rows, own.grid.counts = [np.array([i]) for i in range(3)], np.ones(3)
+    held = hold_out(own, np.random.default_rng(0), np.array([0.1, 2.0, 1.0]))
+    assert np.flatnonzero(held.trials).tolist() == [one]
+
+
 def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
     fit = SimpleNamespace(ids=("creep", "leak"))
     logs, moved = np.array([0.0, -30.0, -90.0, -200.0, -300.0, -400.0]), {"creep": 3.0, "leak": 0.1}

@@ -40,6 +40,14 @@ def test_what_an_actuator_does_is_no_dropout(shape: str) -> None:
             np.testing.assert_array_equal(mended(clean), clean)
 
 
+def test_a_converter_that_jumps_between_two_readings_has_no_dropouts() -> None:
+    """As a soft arm's camera does: nine readings in ten are one count, the others the next."""
+    rng = np.random.default_rng(0)
+    noise = 0.003 * rng.standard_normal(T_S.size)
+    angle = 0.05 * (rng.random(T_S.size) < 0.1) + noise
+    np.testing.assert_array_equal(mended(angle), angle)
+
+
 @given(
     shape=st.sampled_from(sorted(SHAPES)),
     at=st.integers(0, T_S.size - 2),

@@ -9,7 +9,7 @@ import numpy as np
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.data.hold_out import HeldOut, judged
 from spa_fo.gap.decide.verdict import Verdict
-from spa_fo.gap.search.drive import Drive
+from spa_fo.gap.search.drive import QUICK_S, Drive
 from spa_fo.plant.effects.library import LIBRARY
 
 MISSING = {
@@ -91,9 +91,11 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
         values = zip(LIBRARY[name].parameters, fit.effects[LIBRARY[name].slots], strict=True)
         effects.append(f"{name} ({', '.join(f'{p.name} {value:.3g}' for p, value in values)})")
     tried_on = ", on held-out trials," if held.trials.any() else ""
+    lag_s = float(fit.z[-1])
+    late = f", read by a sensor that lags by {lag_s:.2g} s," if lag_s > QUICK_S else ""
     return (
-        f"The measured pressure by itself: {' + '.join(effects)} reduces its RMS deviation from "
-        f"the command{tried_on} from {before:.3g} to {after:.3g} kPa.",
+        f"The measured pressure by itself: {' + '.join(effects)}{late} reduces its RMS deviation "
+        f"from the command{tried_on} from {before:.3g} to {after:.3g} kPa.",
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.stats import norm
 
 from spa_fo.rig import CampaignData, Trial
 
@@ -22,7 +23,7 @@ _ABOUT, _FAR = 5, 11  # samples about one, of which two may be off, and those th
 _NOISES, _MOTIONS = 8.0, 3.0  # times noise, and what moves from sample to sample, that none is off
 _AFTER_S = 1.0  # a jump of the input, within which an actuator may swing as fast as it is sampled
 _JUMP = 0.02  # of the range of the input
-_NORMAL = 1.4826  # standard deviation of a normal variable over its median absolute deviation
+_NORMAL = norm.ppf([0.75, 0.975])  # what half, and 95 %, of a normal variable stay within
 
 
 def without_dropouts(data: CampaignData) -> CampaignData:
@@ -72,7 +73,8 @@ def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
     moving = np.append(moving, moving[-1])
     own_steps = steps[steps > 0.0]
     finest = float(own_steps.min()) if own_steps.size else 0.0  # of a converter
-    noise = max(_NORMAL * float(np.median(off)), finest)
+    # A converter that jumps between two readings has a median of nothing, and no dropouts.
+    noise = max(*(np.quantile(off, [0.5, 0.95]) / _NORMAL), finest)
     dropped = (off > _NOISES * noise) & (off > _MOTIONS * moving)
     if swings is not None:
         dropped &= ~swings

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.diagnosis import Shrink
+from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -18,6 +19,7 @@ _MOST = 0.3  # of the trials
 _DRAWS = 2000
 _LEAST_HALF_WIDTH = 0.1  # the floor itself is known from few trials
 _HARDLY = 0.3  # noise floors
+_FARTHER = 1.05  # than the next: beyond by more than a command differs from run to run
 _PIECES = 8  # of a lone held-out trial
 
 
@@ -36,7 +38,8 @@ def hold_out(
 
     The first trial of an experiment stays: softening is seen in it. Where only some experiments can
     be held out, it is those whose trials the given model misses most, `missed_deg`, (n,), at the
-    averaged samples, and so is a lone one: a trial without a gap judges nothing.
+    averaged samples, and so is a lone one: a trial without a gap judges nothing. A lone one that
+    goes farther than all others stays, as nothing that is left would say what happens there.
     """
     grid = evidence.grid
     held = np.zeros(len(grid.trials), dtype=bool)
@@ -52,10 +55,18 @@ def hold_out(
     if held.size >= 3:
         one = int(rng.integers(held.size))
         if missed_deg is not None:
-            one = int(np.argmax([_gap(evidence, [own], missed_deg) for own in evidence.rows]))
+            gaps = [_gap(evidence, [own], missed_deg) for own in evidence.rows]
+            one = max(np.flatnonzero(~_farthest(grid.trials)).tolist(), key=gaps.__getitem__)
         held[one] = True
         return HeldOut(held, f"{grid.trials[one].label}, the only one of its experiment")
     return nothing_held_out(evidence)
+
+
+def _farthest(trials: Sequence[Trial]) -> NDArray[np.bool_]:
+    """Find the trial whose input goes clearly farther than that of any other, if there is one."""
+    inputs = (t.pressure_kpa if t.command_kpa is None else t.command_kpa for t in trials)
+    reached = np.array([np.max(np.abs(one)) for one in inputs if one is not None])
+    return np.asarray(reached > _FARTHER * np.partition(reached, -2)[-2])
 
 
 def _by_gap(evidence: Evidence, missed_deg: Floats | None) -> list[str]:

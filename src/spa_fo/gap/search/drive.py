@@ -40,7 +40,7 @@ _ENOUGH, _MOST_TRIED = 0.01, 40  # of a search
 _BEST_STARTS = 2
 # A jump that comes late by more than a cell does not say which way it should move.
 _DELAYS_S = (0.01, *(np.arange(1, 76, 2) * FINEST_STEP_S).tolist())
-_QUICK_S = 0.01  # a sensor's lag that no actuator feels
+QUICK_S = 0.01  # a sensor's lag that no actuator feels
 _NOTHING_DEG = 0.02  # what the drive misses, in degrees of a static actuator
 
 _NEAR = 60.0  # nats behind the best explanation of the pressure, which an angle may make up for
@@ -125,7 +125,7 @@ def examine_drive(
     cells = np.arange(int(evidence.grid.cell_starts[-1]))
     room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa + _BLUR * blur(evidence, cells)
     fits: dict[Ids, DriveFit] = {(): alone(())}
-    late = fits[()].z[-1] > _QUICK_S  # which may be the drive's, as far as the pressure goes
+    late = fits[()].z[-1] > QUICK_S  # which may be the drive's, as far as the pressure goes
     if late or _drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
         fits |= {f.ids: f for f in each(alone, [(name,) for name in names])}
