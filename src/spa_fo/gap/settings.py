@@ -5,8 +5,7 @@ An origin is one of
 derived
     follows from something else, by the reason given;
 learned
-    from opened cases of the rig that is for learning, in drawn surroundings, never from those that
-    judge;
+    from opened cases in drawn surroundings, never from those that judge;
 measured
     on real actuators or on this machine;
 assumed
@@ -125,7 +124,7 @@ class Settings:
         0.05, "probability", "learned", "all of this reasoning fails: any kind of answer, then"
     )
     together: float = _number(
-        0.3, "probability", "learned", "what surely is unknown is the library's, as none was tried"
+        0.15, "probability", "learned", "what surely is unknown is the library's, as none was tried"
     )
     worth: float = _number(
         0.33,

@@ -41,8 +41,8 @@ def dropout_finding(data: CampaignData) -> tuple[str, ...]:
     if not any(off):
         return ()
     return (
-        f"{sum(off)} readings in {np.count_nonzero(off)} trials go off for a sample or two and "
-        "come back: each is taken for the median of those about it.",
+        "Readings that go off for a sample or two and come back are taken for the median of those "
+        f"about them: {sum(off)} of {sum(trial.t_s.size for trial in data.trials)}.",
     )
 
 
