@@ -99,11 +99,24 @@ def test_a_screening_puts_it_first(lagged: Explanations) -> None:
     assert {s.name for s in beside} == {"creep"}  # what is there already is not looked for
 
 
-@pytest.mark.parametrize("since_s", [63.137, 69.137])  # as it bends, and as it relaxes
+def rested(data: CampaignData, rest_s: float) -> CampaignData:
+    """Let an actuator rest before every trial but the first, so much longer."""
+    trials = [replace(t, started_s=t.started_s + (t.order - 1) * rest_s) for t in data.trials]
+    return replace(data, trials=tuple(trials))
+
+
+@pytest.mark.parametrize(
+    ("since_s", "rest_s"),
+    [
+        (63.137, 0.0),  # as it bends
+        (69.137, 0.0),  # as it relaxes
+        (3.137, 300.0),  # most of the campaign is a rest
+    ],
+)
 def test_the_moment_at_which_a_sensor_comes_off_is_found(
-    clean: CampaignData, since_s: float
+    clean: CampaignData, since_s: float, rest_s: float
 ) -> None:
-    bench = bench_of(come_off(clean, since_s))
+    bench = bench_of(come_off(rested(clean, rest_s), since_s))
     plain = fit(bench, (), bench.starts)
     points = points_of(screen(bench, plain, ["sensor_detachment"]), "sensor_detachment")
     found = fit(bench, ("sensor_detachment",), points, plain)

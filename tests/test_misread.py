@@ -128,6 +128,27 @@ def test_a_jump_counts_neither_for_a_moment_nor_slow_nor_with_the_input() -> Non
     assert rows_of(found(still + 1.6 * (rows >= 300), still), 500)[300:].all()
 
 
+@pytest.mark.parametrize(
+    ("lost", "after", "level", "seen"),
+    [
+        (2, 0, 50.0, True),
+        (40, 0, 50.0, False),  # nobody saw it go at once
+        (40, 5, 50.0, True),
+        (40, 5, 35.0, False),  # the input has moved, which may have come late
+    ],
+)
+def test_a_jump_where_rows_are_lost(lost: int, after: int, level: float, seen: bool) -> None:
+    rows = np.arange(500)
+    kept = (rows < 300 - after) | (rows >= 300 + lost - after)
+    angle = HELD - 6.0 * (rows >= 300 + lost)
+    drive = np.where(rows < 100, 0.0, np.where(rows < 300 - after, 50.0, level))
+    whole = moving(angle)
+    cut = replace(whole, t_s=whole.t_s[kept], angle_deg=angle[kept])
+    both = (cast(Any, type("Data", (), {"trials": (t,)})) for t in (moving(HELD), cut))
+    (wrong,) = misread(*both, [drive[kept]], [HELD[kept]], [np.full(kept.sum(), 0.5)])
+    assert bool(wrong) == seen
+
+
 def test_no_jump_is_away_from_what_nobody_knows() -> None:
     """An actuator that comes free goes on to where the reference never was."""
     before, after = (

@@ -29,6 +29,7 @@ LEAST_S, LEAST = 0.5, 10  # of one value
 _LONGER = 3.0  # than any in the reference, in samples: there a quiet converter repeats itself, too
 _FASTER = 3.0  # than ever in the reference, whatever its input did
 _ABOUT = 5  # samples before and after a jump: what comes back within them is a dropout
+_LOST = 3.0  # times the usual from row to row: some are lost
 _STAYS = 0.05  # of its range, the input at a jump and over `LEAST_S` before it
 CLEARLY = 3.0  # deviations of what is foreseen
 _MOVES = 0.2  # of its range, by the input, or by the reading
@@ -213,14 +214,19 @@ def _jump(
 
     Where a reading that stands still begins or ends it jumps, too.
     """
-    longer = max(1.0, float(np.median(np.diff(trial.t_s))) / seen.every_s)
+    every_s = float(np.median(np.diff(trial.t_s)))
+    longer = max(1.0, every_s / seen.every_s)
     wrong = np.convolve(rows_of(found, trial.t_s.size), np.ones(2 * _ABOUT + 1), mode="same") > 0.0
     least = np.maximum(_FASTER * longer * seen.jump_deg, CLEARLY * deviation)
     large = (_jumps(trial.angle_deg) > least) & ~wrong
     # Where nobody knows what is to be expected, nothing is away from it.
     away = np.where(np.isinf(deviation), 0.0, np.abs(trial.angle_deg - foreseen))
     for row in np.flatnonzero(large).tolist():
-        before = slice(int(np.searchsorted(trial.t_s, trial.t_s[row] - LEAST_S)), row + 2)
+        # From what was held by then, as rows may have been lost since.
+        first = int(np.searchsorted(trial.t_s, trial.t_s[row] - LEAST_S)) - 1
+        before = slice(max(first, 0), row + 2)
+        if trial.t_s[row + 1] - trial.t_s[row - 1] > 2.0 * _LOST * every_s:
+            continue  # nobody saw it go at once
         if np.ptp(drive[before]) <= _STAYS * np.ptp(drive) and away[row + 1] > away[row - 1]:
             return row
     return None

@@ -37,7 +37,7 @@ EFFECT = Effect(
             "when, as a share of the campaign",
             centre=0.5,
             factor=4.0,
-            low=0.001,
+            low=1e-5,
             high=1.0,
             starts=MOMENTS,
         ),
