@@ -76,6 +76,7 @@ def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
     # A converter that jumps between two readings has a median of nothing, and no dropouts.
     noise = max(*(np.quantile(off, [0.5, 0.95]) / _NORMAL), finest)
     dropped = (off > _NOISES * noise) & (off > _MOTIONS * moving)
+    dropped[: _ABOUT // 2] = dropped[-(_ABOUT // 2) :] = False  # nothing says that it comes back
     if swings is not None:
         dropped &= ~swings
     return np.where(dropped, about, angle_deg)
