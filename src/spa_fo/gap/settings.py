@@ -52,10 +52,10 @@ class Settings:
     )
     # --- the given model -------------------------------------------------------------------------
     response_error: float = _number(
-        0.005, "1", "assumed", "error of the given model's step response, of its final value"
+        0.003, "1", "learned", "error of the given model's step response, of its final value"
     )
     model_trials: float = _number(
-        4.0, "trials", "assumed", "the given model's gain and time scale are the mean of so many"
+        8.0, "trials", "learned", "the given model's gain and time scale are the mean of so many"
     )
     model_error: float = _number(
         0.36, "1", "learned", "error of an identified model's response, of what its residual says"
