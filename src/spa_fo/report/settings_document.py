@@ -22,7 +22,7 @@ from `src/spa_fo/gap/settings.py` by
 `python -m spa_fo.report.settings_document docs`. There are {total} of them: {counts}.
 
 - **derived**: follows from something else, by the reason given;
-- **learned**: from opened cases, of our rigs and of those of other hands, never from those that judge;
+- **learned**: from opened cases, of our rigs and of other hands, never from those that judge;
 - **measured**: on real actuators or on the machine;
 - **assumed**: set by hand; another value may do as well.
 
