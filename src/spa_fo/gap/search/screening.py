@@ -32,6 +32,7 @@ _FARTHEST = 4.0  # times the size that an effect is screened with
 # Of looks about a moment: about how many, the first step, a share of what was logged, how much
 # finer the next is, how many there are each way, and how fine the last is at least. Assumed.
 _LOOKS = 3
+_FIRST = 0.01  # of what was logged: what begins before that is there from the start. Assumed.
 _NEARER, _FINER, _STEPS, _FINEST_S = 0.002, 10.0, 9, 0.1
 
 
@@ -192,7 +193,7 @@ class _Logged:
         """Give parameters at moments near theirs, in steps of what was logged."""
         share = np.interp(self.slot.value(own[self.slot.place]), self.since, self.share)
         near = share + step * np.arange(-_STEPS, _STEPS + 1)
-        return self._at(own, near[(near > 0.0) & (near < 1.0)])
+        return self._at(own, near[(near >= _FIRST) & (near <= 1.0 - _FIRST)])
 
     def _at(self, own: Floats, shares: Sequence[float] | Floats) -> list[Floats]:
         since = np.interp(shares, self.share, self.since)
