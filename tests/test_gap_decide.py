@@ -275,7 +275,9 @@ def test_fraction_closed_is_the_contracts():
 
 def trials(names):
     listed = tuple(SimpleNamespace(experiment=name, label=f"{name} {i}") for i, name in names)
-    return SimpleNamespace(grid=SimpleNamespace(trials=listed))
+    grid = SimpleNamespace(trials=listed, cell_starts=2 * np.arange(len(listed) + 1))
+    grid.command_kpa, grid.pressure_kpa = np.tile([0.0, 20.0], len(listed)), None
+    return SimpleNamespace(grid=grid)
 
 
 def test_one_trial_of_each_repeated_experiment_is_held_out_and_never_the_first():
@@ -305,14 +307,26 @@ def test_without_repeats_one_experiment_is_held_out():
     assert held.trials.sum() == 1
 
 
-@pytest.mark.parametrize(("reached", "one"), [([10.0, 30.0, 20.0], 2), ([10.0, 20.4, 20.0], 1)])
-def test_what_goes_farther_than_all_else_is_not_held_out_alone(reached, one):
+@pytest.mark.parametrize(
+    ("reached", "stay"),
+    [
+        ([10.0, 30.0, 20.0], [1]),
+        ([10.0, 20.4, 20.0], []),
+        ([50.0, -40.0, 20.0], [0, 1]),  # each to its own side
+        ([0.0, -0.1, 20.0], [2]),
+    ],
+)
+def test_what_goes_farther_than_all_else_is_not_held_out_alone(reached, stay):
     own = trials(list(enumerate("abc")))
-    for trial, kpa in zip(own.grid.trials, reached, strict=True):
-        trial.command_kpa, trial.pressure_kpa = np.array([0.0, kpa]), None
+    own.grid.command_kpa = np.column_stack([np.zeros(3), reached]).ravel()
+    drawn = {
+        int(np.flatnonzero(hold_out(own, np.random.default_rng(seed)).trials)[0])
+        for seed in range(40)
+    }
+    assert drawn == set(range(3)) - set(stay)
     own.rows, own.grid.counts = [np.array([i]) for i in range(3)], np.ones(3)
-    held = hold_out(own, np.random.default_rng(0), np.array([0.1, 2.0, 1.0]))
-    assert np.flatnonzero(held.trials).tolist() == [one]
+    held = hold_out(own, np.random.default_rng(0), np.array([1.0, 2.0, 0.1]))
+    assert np.flatnonzero(held.trials).tolist() == [next(i for i in (1, 0, 2) if i not in stay)]
 
 
 def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():

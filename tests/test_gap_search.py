@@ -40,12 +40,14 @@ def lagging(data: CampaignData) -> CampaignData:
     return replace(data, trials=tuple(trials))
 
 
-def come_off(data: CampaignData, since_s: float) -> CampaignData:
-    """Let the sensor read a fifth of the angle, and 3 deg, from a moment of the campaign on."""
+def come_off(
+    data: CampaignData, since_s: float, lost: float = 0.8, level_deg: float = 3.0
+) -> CampaignData:
+    """Let the sensor read a part of the angle, and a level, from a moment of the campaign on."""
     trials = []
     for trial in data.trials:
         off = trial.started_s + trial.t_s >= since_s
-        read = np.where(off, 0.2 * trial.angle_deg + 3.0, trial.angle_deg)
+        read = np.where(off, (1.0 - lost) * trial.angle_deg + level_deg, trial.angle_deg)
         trials.append(replace(trial, angle_deg=read))
     return replace(data, trials=tuple(trials))
 
@@ -106,24 +108,29 @@ def rested(data: CampaignData, rest_s: float) -> CampaignData:
 
 
 @pytest.mark.parametrize(
-    ("since_s", "rest_s"),
+    ("since_s", "rest_s", "lost", "level_deg"),
     [
-        (63.137, 0.0),  # as it bends
-        (69.137, 0.0),  # as it relaxes
-        (3.137, 300.0),  # most of the campaign is a rest
+        (63.137, 0.0, 0.8, 3.0),  # as it bends
+        (69.137, 0.0, 0.8, 3.0),  # as it relaxes
+        (3.137, 300.0, 0.8, 3.0),  # most of the campaign is a rest
+        (63.137, 0.0, 1.0, 3.0),  # all is lost, the most that may be
+        (63.137, 0.0, 0.5, -12.0),
     ],
 )
 def test_the_moment_at_which_a_sensor_comes_off_is_found(
-    clean: CampaignData, since_s: float, rest_s: float
+    clean: CampaignData, since_s: float, rest_s: float, lost: float, level_deg: float
 ) -> None:
-    bench = bench_of(come_off(rested(clean, rest_s), since_s))
+    bench = bench_of(come_off(rested(clean, rest_s), since_s, lost, level_deg))
     plain = fit(bench, (), bench.starts)
-    points = points_of(screen(bench, plain, ["sensor_detachment"]), "sensor_detachment")
+    shown = screen(bench, plain, ["sensor_detachment"])
+    assert min(one.gain for one in shown) > -1e-6
+    points = points_of(shown, "sensor_detachment")
+    assert not np.allclose(*points, atol=1e-4)
     found = fit(bench, ("sensor_detachment",), points, plain)
-    lost, level_deg, since = found.effects[LIBRARY["sensor_detachment"].slots]
+    found_lost, found_deg, since = found.effects[LIBRARY["sensor_detachment"].slots]
     assert since * bench.evidence.grid.middle_s[-1] == pytest.approx(since_s, abs=0.1)
-    assert lost == pytest.approx(0.8, abs=0.02)
-    assert level_deg == pytest.approx(3.0, abs=0.3)
+    assert found_lost == pytest.approx(lost, abs=0.02)
+    assert found_deg == pytest.approx(level_deg, abs=0.5)
 
 
 def test_every_fit_that_is_ranked_is_searched_to_the_end(lagged: Explanations) -> None:

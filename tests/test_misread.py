@@ -129,24 +129,40 @@ def test_a_jump_counts_neither_for_a_moment_nor_slow_nor_with_the_input() -> Non
 
 
 @pytest.mark.parametrize(
-    ("lost", "after", "level", "seen"),
+    ("lost", "later", "level", "seen"),
     [
+        (1, 0, 50.0, True),
         (2, 0, 50.0, True),
-        (40, 0, 50.0, False),  # nobody saw it go at once
-        (40, 5, 50.0, True),
-        (40, 5, 35.0, False),  # the input has moved, which may have come late
+        (3, 0, 50.0, False),  # nobody saw it go at once
+        (40, 0, 50.0, False),
+        (40, 10, 50.0, True),
+        (40, 10, 35.0, False),  # the input has moved, which may have come late
     ],
 )
-def test_a_jump_where_rows_are_lost(lost: int, after: int, level: float, seen: bool) -> None:
+def test_a_jump_where_rows_are_lost(lost: int, later: int, level: float, seen: bool) -> None:
+    """A jump at row 300, so many rows after some were lost in which the input may have moved."""
     rows = np.arange(500)
-    kept = (rows < 300 - after) | (rows >= 300 + lost - after)
-    angle = HELD - 6.0 * (rows >= 300 + lost)
-    drive = np.where(rows < 100, 0.0, np.where(rows < 300 - after, 50.0, level))
-    whole = moving(angle)
-    cut = replace(whole, t_s=whole.t_s[kept], angle_deg=angle[kept])
-    both = (cast(Any, type("Data", (), {"trials": (t,)})) for t in (moving(HELD), cut))
-    (wrong,) = misread(*both, [drive[kept]], [HELD[kept]], [np.full(kept.sum(), 0.5)])
-    assert bool(wrong) == seen
+    kept = (rows < 300 - later - lost) | (rows >= 300 - later)
+    angle = HELD - 6.0 * (rows >= 300)
+    drive = np.where(rows < 100, 0.0, np.where(rows < 300 - later - lost, 50.0, level))
+    cut = replace(moving(angle), t_s=moving(angle).t_s[kept], angle_deg=angle[kept])
+    for usual in (moving(HELD), with_rows_lost_in_motion()):
+        both = (cast(Any, type("Data", (), {"trials": (t,)})) for t in (usual, cut))
+        (wrong,) = misread(*both, [drive[kept]], [HELD[kept]], [np.full(kept.sum(), 0.5)])
+        assert [abs(int(each.rows[0]) - (300 - lost)) <= 1 for each in wrong] == [True] * seen
+
+
+def with_rows_lost_in_motion() -> Any:
+    """The reference, but for the rows in which it moved most."""
+    rows = np.arange(500)
+    kept = (rows < 101) | (rows >= 140)
+    return replace(moving(HELD), t_s=moving(HELD).t_s[kept], angle_deg=HELD[kept])
+
+
+def test_a_short_trial_has_no_jump() -> None:
+    angle = np.append(np.zeros(4), np.full(4, 60.0))
+    both = (cast(Any, type("Data", (), {"trials": (moving(a),)})) for a in (HELD, angle))
+    assert misread(*both, [np.ones(8)], [np.zeros(8)], [np.full(8, 0.5)]) == ((),)
 
 
 def test_no_jump_is_away_from_what_nobody_knows() -> None:

@@ -29,7 +29,7 @@ LEAST_S, LEAST = 0.5, 10  # of one value
 _LONGER = 3.0  # than any in the reference, in samples: there a quiet converter repeats itself, too
 _FASTER = 3.0  # than ever in the reference, whatever its input did
 _ABOUT = 5  # samples before and after a jump: what comes back within them is a dropout
-_LOST = 3.0  # times the usual from row to row: some are lost
+_LOST = 3.0  # times the usual from row to row: some are lost. Assumed.
 _STAYS = 0.05  # of its range, the input at a jump and over `LEAST_S` before it
 CLEARLY = 3.0  # deviations of what is foreseen
 _MOVES = 0.2  # of its range, by the input, or by the reading
@@ -105,7 +105,7 @@ def misread(
         longest=max(int(np.diff(_edges(trial.angle_deg)).max()) for trial in reference.trials),
         low_deg=float(angle.min()),
         high_deg=float(angle.max()),
-        jump_deg=max(float(np.max(_jumps(trial.angle_deg))) for trial in reference.trials),
+        jump_deg=max(float(np.max(_jumps(trial))) for trial in reference.trials),
         every_s=float(np.median(np.concatenate([np.diff(t.t_s) for t in reference.trials]))),
     )
     found = [
@@ -193,7 +193,7 @@ def _moved(
         text = f"What is read in {trial.label} is after a jump of the reading."
         if trial.started_s + trial.t_s[0] < since_s:
             text = (
-                f"The reading jumps by {_jumps(trial.angle_deg)[rows[0]]:.2g}° at "
+                f"The reading jumps by {_jumps(trial)[rows[0]]:.2g}° at "
                 f"{trial.t_s[rows[0]]:.3g} s of {trial.label}, while the input stays; the "
                 f"reference never did by more than {seen.jump_deg:.2g}°. What is read from then on "
                 "is not compared."
@@ -214,38 +214,41 @@ def _jump(
 
     Where a reading that stands still begins or ends it jumps, too.
     """
-    every_s = float(np.median(np.diff(trial.t_s)))
-    longer = max(1.0, every_s / seen.every_s)
+    if trial.t_s.size <= 2 * _ABOUT:
+        return None
+    longer = max(1.0, float(np.median(np.diff(trial.t_s))) / seen.every_s)
     wrong = np.convolve(rows_of(found, trial.t_s.size), np.ones(2 * _ABOUT + 1), mode="same") > 0.0
     least = np.maximum(_FASTER * longer * seen.jump_deg, CLEARLY * deviation)
-    large = (_jumps(trial.angle_deg) > least) & ~wrong
+    large = (_jumps(trial) > least) & ~wrong
     # Where nobody knows what is to be expected, nothing is away from it.
     away = np.where(np.isinf(deviation), 0.0, np.abs(trial.angle_deg - foreseen))
     for row in np.flatnonzero(large).tolist():
         # From what was held by then, as rows may have been lost since.
-        first = int(np.searchsorted(trial.t_s, trial.t_s[row] - LEAST_S)) - 1
+        first = int(np.searchsorted(trial.t_s, trial.t_s[row] - LEAST_S, side="right")) - 1
         before = slice(max(first, 0), row + 2)
-        if trial.t_s[row + 1] - trial.t_s[row - 1] > 2.0 * _LOST * every_s:
-            continue  # nobody saw it go at once
         if np.ptp(drive[before]) <= _STAYS * np.ptp(drive) and away[row + 1] > away[row - 1]:
             return row
     return None
 
 
-def _jumps(angle_deg: Floats) -> Floats:
-    """Return by how much the reading goes elsewhere at each sample, for good, deg.
+def _jumps(trial: Trial) -> Floats:
+    """Return by how much the reading goes elsewhere at each sample, at once and for good, deg.
 
     The smaller of its steps over two samples and between the medians of what is before and after:
-    of the two a dropout lacks the latter, and what an actuator does the former.
+    of the two a dropout lacks the latter, and what an actuator does the former. Where rows are lost
+    nobody saw it go at once.
     """
-    out = np.zeros(angle_deg.size)
+    angle_deg, out = trial.angle_deg, np.zeros(trial.angle_deg.size)
     first, last = _ABOUT - 1, angle_deg.size - _ABOUT - 2
     if first > last:
         return out
     middle = np.median(sliding_window_view(angle_deg, _ABOUT), axis=1)
     at = np.arange(first, last + 1)
     step, lasting = angle_deg[at + 2] - angle_deg[at], middle[at + 2] - middle[at - first]
-    out[at + 1] = np.where(step * lasting > 0.0, np.minimum(np.abs(step), np.abs(lasting)), 0.0)
+    intervals = np.diff(trial.t_s)
+    longer = np.maximum(intervals[at], intervals[at + 1]) > _LOST * np.median(intervals)
+    both = (step * lasting > 0.0) & ~longer
+    out[at + 1] = np.where(both, np.minimum(np.abs(step), np.abs(lasting)), 0.0)
     return out
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.data.hold_out import HeldOut, judged
 from spa_fo.gap.decide.verdict import Verdict
+from spa_fo.gap.fit.pressure import MOST_LAG_S
 from spa_fo.gap.search.drive import QUICK_S, Drive
 from spa_fo.plant.effects.library import LIBRARY
 
@@ -92,7 +93,9 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
         effects.append(f"{name} ({', '.join(f'{p.name} {value:.3g}' for p, value in values)})")
     tried_on = ", on held-out trials," if held.trials.any() else ""
     lag_s = float(fit.z[-1])
-    late = f", read by a sensor that lags by {lag_s:.2g} s," if lag_s > QUICK_S else ""
+    late = f", beside a lag of its sensor by {lag_s:.2g} s," if lag_s > QUICK_S else ""
+    if lag_s >= 0.99 * MOST_LAG_S:
+        late = f", beside a lag by {lag_s:.2g} s, as much as counts as its sensor's,"
     return (
         f"The measured pressure by itself: {' + '.join(effects)}{late} reduces its RMS deviation "
         f"from the command{tried_on} from {before:.3g} to {after:.3g} kPa.",

@@ -18,12 +18,15 @@ from spa_fo.rig import CampaignData, Trial
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# All of these are assumed.
-_ABOUT, _FAR = 5, 11  # samples about one, of which two may be off, and those that say how it moves
-_NOISES, _MOTIONS = 8.0, 3.0  # times noise, and what moves from sample to sample, that none is off
-_AFTER_S = 1.0  # a jump of the input, within which an actuator may swing as fast as it is sampled
-_JUMP = 0.02  # of the range of the input
-_NORMAL = norm.ppf([0.75, 0.975])  # what half, and 95 %, of a normal variable stay within
+# Samples about one, of which two may be off, and those that say how it moves; times noise, and what
+# moves from sample to sample, that none is off; s after a jump of the input, a share of its range,
+# within which an actuator may swing as fast as it is sampled; shares of samples that say how large
+# noise is, of which those that are off are no more, and times the first that it may be. Assumed.
+_ABOUT, _FAR = 5, 11
+_NOISES, _MOTIONS = 8.0, 3.0
+_AFTER_S, _JUMP = 1.0, 0.02
+_SAY, _HEAVIER = np.array([0.5, 0.95]), 4.0
+_NORMAL = norm.ppf(0.5 + 0.5 * _SAY)  # what these shares of a normal variable stay within
 
 
 def without_dropouts(data: CampaignData) -> CampaignData:
@@ -73,10 +76,11 @@ def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
     moving = np.append(moving, moving[-1])
     own_steps = steps[steps > 0.0]
     finest = float(own_steps.min()) if own_steps.size else 0.0  # of a converter
-    # A converter that jumps between two readings has a median of nothing, and no dropouts.
-    noise = max(*(np.quantile(off, [0.5, 0.95]) / _NORMAL), finest)
+    # The noise of a converter that jumps between two readings has a tail.
+    middle, tail = np.quantile(off, _SAY) / _NORMAL
+    noise = max(middle, min(tail, _HEAVIER * middle), finest)
     dropped = (off > _NOISES * noise) & (off > _MOTIONS * moving)
-    dropped[: _ABOUT // 2] = dropped[-(_ABOUT // 2) :] = False  # nothing says that it comes back
+    dropped[[0, -1]] = False  # nothing says that it comes back
     if swings is not None:
         dropped &= ~swings
     return np.where(dropped, about, angle_deg)

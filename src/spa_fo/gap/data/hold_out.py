@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.diagnosis import Shrink
-from spa_fo.rig import Trial
+from spa_fo.plant.grid import CampaignGrid
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -19,7 +19,7 @@ _MOST = 0.3  # of the trials
 _DRAWS = 2000
 _LEAST_HALF_WIDTH = 0.1  # the floor itself is known from few trials
 _HARDLY = 0.3  # noise floors
-_FARTHER = 1.05  # than the next: beyond by more than a command differs from run to run
+_FARTHER = 0.05  # of the largest input, by more than which a trial goes farther. Assumed.
 _PIECES = 8  # of a lone held-out trial
 
 
@@ -53,20 +53,25 @@ def hold_out(
     if names:
         return HeldOut(held, f"one trial of each of {', '.join(names)}: {held.sum()} trials")
     if held.size >= 3:
-        one = int(rng.integers(held.size))
+        lone = np.flatnonzero(~_farthest(grid)).tolist()
+        one = lone[int(rng.integers(len(lone)))]
         if missed_deg is not None:
-            gaps = [_gap(evidence, [own], missed_deg) for own in evidence.rows]
-            one = max(np.flatnonzero(~_farthest(grid.trials)).tolist(), key=gaps.__getitem__)
+            one = max(
+                lone, key=[_gap(evidence, [own], missed_deg) for own in evidence.rows].__getitem__
+            )
         held[one] = True
         return HeldOut(held, f"{grid.trials[one].label}, the only one of its experiment")
     return nothing_held_out(evidence)
 
 
-def _farthest(trials: Sequence[Trial]) -> NDArray[np.bool_]:
-    """Find the trial whose input goes clearly farther than that of any other, if there is one."""
-    inputs = (t.pressure_kpa if t.command_kpa is None else t.command_kpa for t in trials)
-    reached = np.array([np.max(np.abs(one)) for one in inputs if one is not None])
-    return np.asarray(reached > _FARTHER * np.partition(reached, -2)[-2])
+def _farthest(grid: CampaignGrid) -> NDArray[np.bool_]:
+    """Find the trials, (trials,), whose input goes clearly farther up, or down, than all others."""
+    cells = grid.pressure_kpa if grid.command_kpa is None else grid.command_kpa
+    assert cells is not None
+    trials = np.split(cells, grid.cell_starts[1:-1])
+    ends = np.array([[own.max(), -own.min()] for own in trials])
+    next_to_it = np.partition(ends, -2, axis=0)[-2]
+    return np.asarray((ends > next_to_it + _FARTHER * np.abs(cells).max()).any(axis=1))
 
 
 def _by_gap(evidence: Evidence, missed_deg: Floats | None) -> list[str]:

@@ -26,13 +26,15 @@ Integers = NDArray[np.int64]
 
 _UNIFORM = 1.0 / np.sqrt(12.0)  # sigma of what may be anywhere in an interval of 1
 _OF_A_JUMP = 0.5
+MOST_LAG_S = 5.0 * SETTINGS.pressure_lag_s
+"""As much as a sensor may lag: what is later is the drive's."""
 _LAG = Parameter(
     name="lag_s",
     unit="s",
     centre=0.0,
     spread=SETTINGS.pressure_lag_s,
     low=0.0,
-    high=5.0 * SETTINGS.pressure_lag_s,  # what is later is the drive's
+    high=MOST_LAG_S,
     starts=(0.01,),
 )
 _LAG_LEFT = replace(_LAG, spread=SETTINGS.angle_late_s)  # where a lag is expected already

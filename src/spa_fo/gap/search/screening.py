@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.bench import Bench
@@ -29,11 +30,11 @@ Floats = NDArray[np.float64]
 
 _BEST_STARTS = 2
 _FARTHEST = 4.0  # times the size that an effect is screened with
-# Of looks about a moment: about how many, the first step, a share of what was logged, how much
-# finer the next is, how many there are each way, and how fine the last is at least. Assumed.
-_LOOKS = 3
-_FIRST = 0.01  # of what was logged: what begins before that is there from the start. Assumed.
-_NEARER, _FINER, _STEPS, _FINEST_S = 0.002, 10.0, 9, 0.1
+# Of looks for a moment, by shares of what was logged, all assumed: about how many starts, the first
+# step about one and how much finer the next is, how many steps each way, how fine the last is at
+# least, s, and how much of a campaign an effect has to leave before it and after.
+_LOOKS, _STEP, _FINER, _STEPS, _FINEST_S, _ENDS = 3, 0.002, 10.0, 9, 0.1, 0.01
+_SAME = 6  # digits of a point at which a fit begins
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,10 @@ def beforehand(ids: Sequence[str]) -> float:
 
 def points_of(shown: Sequence[Shown], name: str) -> list[Floats]:
     """Give the best points at which a fit of an effect may begin."""
-    points = {s.z.tobytes(): s.z for s in shown if s.name == name}  # one of each, the best first
+    points: dict[bytes, Floats] = {}  # one of each, the best first
+    for one in shown:
+        if one.name == name:
+            points.setdefault(np.round(one.z, _SAME).tobytes(), one.z)
     return list(points.values())[:_BEST_STARTS]
 
 
@@ -114,14 +118,18 @@ class _ScoreTest:
         points = [z[5:] for z in starts(AngleProblem(bench, (name,)), base.z[:5])]
         if moment is None:
             return shown(points)
-        logged = _Logged(bench.evidence.grid, Slot(LIBRARY[name].parameters[moment], moment))
-        found = shown([logged.begun(one) for one in points])
-        found.sort(key=lambda one: -one.gain)
+        logged = _Logged(bench.evidence.grid, problems[0].slots[int(np.flatnonzero(mine)[moment])])
+        found = shown(logged.begun(points, moment))
+        looks: list[Shown] = []
+        for one in sorted(found, key=lambda one: -one.gain):
+            apart = [abs(logged.share(one.z[5:][mine], o.z[5:][mine], moment)) for o in looks]
+            if one.gain > -beforehand((name,)) and min(apart, default=1.0) > 2 * _STEPS * _STEP:
+                looks.append(one)
         # No slope leads from one moment to another in the midst of a motion.
-        for best in [one for one in found[:_LOOKS] if one.gain > -beforehand((name,))]:
-            step = _NEARER
+        for best in looks[:_LOOKS]:
+            step = _STEP
             while True:
-                near = shown(logged.about(best.z[5:][mine], step))
+                near = shown(logged.about(best.z[5:][mine], moment, step))
                 best = max([best, *near], key=lambda one: one.gain)
                 found += near
                 if step * logged.seconds <= _FINEST_S:
@@ -131,13 +139,14 @@ class _ScoreTest:
 
     def _shown(self, name: str, one: AngleProblem, mine: NDArray[np.bool_], own: Floats) -> Shown:
         """Weigh an effect whose own parameters are `own`, by as much as it shows of them."""
-        z, (none, ways, least) = np.empty(one.parameters), _ways(LIBRARY[name], own)
+        slots = [slot for slot, its in zip(one.slots, mine, strict=True) if its]
+        z, (none, ways, least, most) = np.empty(one.parameters), _ways(LIBRARY[name], slots, own)
         z[:5], z[5:][~mine] = self.base.z[:5], self.base.z[5:]
         columns = np.column_stack([self._change(one, z, mine, way) for way in ways])
         shadows = forward(self.root, self.own.T @ columns)
         seen = columns.T @ columns - shadows.T @ shadows + np.eye(len(ways))
         score = columns.T @ self.left - shadows.T @ self.taken
-        size = np.clip(np.linalg.solve(seen, score), least, _FARTHEST)
+        size = _within(seen, score, least, most)
         z[5:][mine] = own if len(ways) == 1 else none + size @ (ways - none)
         return Shown(name, float(size @ score - 0.5 * size @ seen @ size), z)
 
@@ -151,7 +160,9 @@ class _ScoreTest:
         )
 
 
-def _ways(effect: Effect, own: Floats) -> tuple[Floats, Floats, Floats]:
+def _ways(
+    effect: Effect, slots: Sequence[Slot], own: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Say in which ways an effect with parameters `own` shows: by how they are, or by each size.
 
     Of what begins at a moment the sizes are as good as free: what it moves goes with them.
@@ -162,44 +173,74 @@ def _ways(effect: Effect, own: Floats) -> tuple[Floats, Floats, Floats]:
         Of no effect.
     ways : (ways, parameters) array
         Of it.
-    least : (ways,) array
-        Smallest multiple of each.
+    least, most : (ways,) arrays
+        Multiples of each that may be.
     """
-    sizes = [k for k, each in enumerate(effect.parameters) if each.name in effect.neutral]
-    none, lows = own.copy(), np.array([each.low for each in effect.parameters])
+    each = [slot.parameter for slot in slots]
+    sizes = [k for k, p in enumerate(each) if not (p.log or p.is_moment)]
     if effect.moment is None or len(sizes) < 2:
-        return none, own[None], np.where(lows[:1] < 0.0, -_FARTHEST, 0.0)
-    none[sizes] = [effect.neutral[effect.parameters[k].name] for k in sizes]
+        least = -_FARTHEST if each[0].low < 0.0 else 0.0
+        return own, own[None], np.array([least]), np.array([_FARTHEST])
+    none = own.copy()
+    none[sizes] = [effect.neutral.get(each[k].name, 0.0) for k in sizes]
     ways = np.tile(none, (len(sizes), 1))
     for way, k in zip(ways, sizes, strict=True):
-        size = effect.parameters[k]
-        way[k] = size.starts[0] if size.starts[0] != none[k] else none[k] + size.spread
-    return none, ways, np.where(lows[sizes] < 0.0, -_FARTHEST, 0.0)
+        begins = each[k].starts[0]
+        way[k] = begins if begins != none[k] else none[k] + each[k].spread
+    units = np.array([way[k] - none[k] for way, k in zip(ways, sizes, strict=True)])
+    ends = (
+        np.array([[each[k].low - none[k], each[k].high - none[k]] for k in sizes]) / units[:, None]
+    )
+    return none, ways, ends.min(axis=1), ends.max(axis=1)
+
+
+def _within(seen: Floats, score: Floats, least: Floats, most: Floats) -> Floats:
+    """Maximise s'score - s'seen s / 2 over sizes s within bounds."""
+    size = np.linalg.solve(seen, score)
+    if score.size == 1:
+        return np.asarray(np.clip(size, least, most))
+    if np.all((size >= least) & (size <= most)):
+        return np.asarray(size)
+    root = np.linalg.cholesky(seen)
+    return np.asarray(lsq_linear(root.T, forward(root, score), (least, most)).x)
 
 
 class _Logged:
-    """Moments of a campaign by how much was logged before: in a rest between trials is none."""
+    """Moments of a campaign by how much was logged before: in a rest between trials is none.
+
+    A moment is searched as a share of the whole time; here it is a share of what was logged.
+    """
 
     def __init__(self, grid: CampaignGrid, slot: Slot) -> None:
-        self.slot, self.seconds = slot, float(grid.cell_starts[-1]) * FINEST_STEP_S
-        self.since = grid.middle_s[grid.sample_step] / grid.middle_s[-1]
-        self.share = np.cumsum(grid.counts) / grid.counts.sum()
+        self.slot, self.before_s = slot, grid.cell_starts * FINEST_STEP_S
+        self.seconds, first_s = float(self.before_s[-1]), grid.trials[0].started_s
+        self.started_s = np.array([trial.started_s - first_s for trial in grid.trials])
+        self.whole_s = float(grid.middle_s[-1]) - first_s
 
-    def begun(self, own: Floats) -> Floats:
-        """Take the moment of an effect's parameters for a share of what was logged."""
-        return self._at(own, [self.slot.value(own[self.slot.place])])[0]
+    def begun(self, points: Sequence[Floats], moment: int) -> list[Floats]:
+        """Take the moments of an effect's parameters for shares of what was logged."""
+        return [self._at(own, moment, self.slot.value(own[moment])) for own in points]
 
-    def about(self, own: Floats, step: float) -> list[Floats]:
+    def about(self, own: Floats, moment: int, step: float) -> list[Floats]:
         """Give parameters at moments near theirs, in steps of what was logged."""
-        share = np.interp(self.slot.value(own[self.slot.place]), self.since, self.share)
-        near = share + step * np.arange(-_STEPS, _STEPS + 1)
-        return self._at(own, near[(near >= _FIRST) & (near <= 1.0 - _FIRST)])
+        near = self._share(own[moment]) + step * np.arange(-_STEPS, _STEPS + 1)
+        inside = (near >= _ENDS) & (near <= 1.0 - _ENDS)
+        return [self._at(own, moment, share) for share in near[inside].tolist()]
 
-    def _at(self, own: Floats, shares: Sequence[float] | Floats) -> list[Floats]:
-        since = np.interp(shares, self.share, self.since)
-        parameter = self.slot.parameter
-        points = np.tile(own, (since.size, 1))
-        points[:, self.slot.place] = [
-            self.slot.searched(one) for one in np.clip(since, parameter.low, parameter.high)
-        ]
-        return list(points)
+    def share(self, own: Floats, other: Floats, moment: int) -> float:
+        """Say how much was logged between the moments of two effects' parameters."""
+        return self._share(own[moment]) - self._share(other[moment])
+
+    def _share(self, searched: float) -> float:
+        since_s = self.slot.value(searched) * self.whole_s
+        trial = max(int(np.searchsorted(self.started_s, since_s, side="right")) - 1, 0)
+        logged_s = self.before_s[trial] + since_s - self.started_s[trial]
+        return float(min(logged_s, self.before_s[trial + 1]) / self.seconds)
+
+    def _at(self, own: Floats, moment: int, share: float) -> Floats:
+        logged_s = share * self.seconds
+        trial = int(np.searchsorted(self.before_s[1:-1], logged_s, side="right"))
+        since = (self.started_s[trial] + logged_s - self.before_s[trial]) / self.whole_s
+        point, parameter = own.copy(), self.slot.parameter
+        point[moment] = self.slot.searched(float(np.clip(since, parameter.low, parameter.high)))
+        return point

@@ -36,7 +36,7 @@ EFFECT = Effect(
             "1",
             "when, as a share of the campaign",
             centre=0.5,
-            factor=4.0,
+            factor=100.0,  # of a rest nothing is known: as good as any
             low=1e-5,
             high=1.0,
             starts=MOMENTS,
