@@ -26,11 +26,12 @@ from spa_fo.gap.claim.expected import (
     only_part_differs,
     unnamed,
     unsure_of_the_sensor,
+    unsure_to_close,
     with_equivalents,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.diagnose import _alone_does
-from spa_fo.gap.diagnosis import LawFound
+from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.coloured import Scatter, Spectrum
 from spa_fo.gap.noise.dwell_error import DwellError
@@ -282,6 +283,23 @@ def test_without_a_calibration_a_sensor_s_effect_is_a_part_of_what_is_unknown() 
     ):
         found = answer(other, 0.1)
         assert unsure_of_the_sensor(found) == found
+
+
+@pytest.mark.parametrize(("low", "stands"), [(-1.0, False), (0.3, False), (0.4, True)])
+def test_a_change_that_may_not_close_has_no_cause(low: float, stands: bool) -> None:
+    shrink = Shrink("none", 30.0, 23.0, 26.0, 0.1, 23.0, 1.0, (low, 1.1))
+    claimed = replace(claims({("gravity_load",): 1.0}), shrink=shrink)
+    found = answer({("gravity_load",): 0.6, (): 0.1}, 0.3)
+    held = unsure_to_close(found, claimed)
+    assert (held == found) is stands
+    assert held.sets == found.sets
+    if not stands:
+        assert held.kind == "unknown"
+        assert held.of(("gravity_load",)).probability == pytest.approx(0.3)
+        assert (held.unknown, held.none) == pytest.approx((0.6, 0.1))
+    several = answer({("gravity_load",): 0.45, ("stiffening",): 0.45}, 0.1)
+    assert several.kind == "ambiguous"
+    assert unsure_to_close(several, claimed) == several
 
 
 def examined(repeats: int, response: Any = None, fixture: Any = None) -> Any:

@@ -37,6 +37,7 @@ from spa_fo.gap.claim.expected import (
     times_missed_of_drive,
     unnamed,
     unsure_of_the_sensor,
+    unsure_to_close,
     with_equivalents,
 )
 from spa_fo.gap.data.dropouts import dropout_finding
@@ -251,6 +252,8 @@ def _answered(
             verdict = unnamed(verdict)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
+    if beyond is not None:
+        verdict = unsure_to_close(verdict, claimed)
     return examined, claimed, verdict
 
 

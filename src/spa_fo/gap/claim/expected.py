@@ -244,8 +244,22 @@ def unsure_of_the_sensor(verdict: Verdict) -> Verdict:
     form than ours. It stands where a set without it does as well.
     """
     named = verdict.kind in ("cause", "ambiguous")
-    if not named or not all(map(_by_the_sensor, verdict.sets)):
+    return _as_a_part(verdict) if named and all(map(_by_the_sensor, verdict.sets)) else verdict
+
+
+def unsure_to_close(verdict: Verdict, claimed: Claim) -> Verdict:
+    """Take a cause that may close less than a name has to for a part of an unknown one.
+
+    So it is of lone trials, of which nothing is held out, where what is expected is as large as
+    what differs: the interval of what closes says so.
+    """
+    if verdict.kind != "cause" or claimed.shrink is None:
         return verdict
+    return verdict if claimed.shrink.ci95[0] >= SETTINGS.worth else _as_a_part(verdict)
+
+
+def _as_a_part(verdict: Verdict) -> Verdict:
+    """Take what is named for a part of an unknown cause as probably as not."""
     scored = [replace(s, probability=0.5 * s.probability) if s.named else s for s in verdict.scored]
     lost = sum(s.probability for s in scored if s.named)
     again = replace(judge(scored, verdict.unknown + lost, verdict.unknown_drive), kind="unknown")
