@@ -16,6 +16,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from spa_fo.gap.data.evidence import A_GAP
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Step
 from spa_fo.gap.plan.next_steps import in_words
 from spa_fo.plant.effects.effect import STAGES
@@ -29,7 +30,6 @@ LEAST_S, LEAST = 0.5, 10  # of one value
 _LONGER = 3.0  # than any in the reference, in samples: there a quiet converter repeats itself, too
 _FASTER = 3.0  # than ever in the reference, whatever its input did
 _ABOUT = 5  # samples before and after a jump: what comes back within them is a dropout
-_LOST = 3.0  # times the usual from row to row: some are lost. Assumed.
 _STAYS = 0.05  # of its range, the input at a jump and over `LEAST_S` before it
 CLEARLY = 3.0  # deviations of what is foreseen
 _MOVES = 0.2  # of its range, by the input, or by the reading
@@ -246,7 +246,7 @@ def _jumps(trial: Trial) -> Floats:
     at = np.arange(first, last + 1)
     step, lasting = angle_deg[at + 2] - angle_deg[at], middle[at + 2] - middle[at - first]
     intervals = np.diff(trial.t_s)
-    longer = np.maximum(intervals[at], intervals[at + 1]) > _LOST * np.median(intervals)
+    longer = np.maximum(intervals[at], intervals[at + 1]) > A_GAP * np.median(intervals)
     both = (step * lasting > 0.0) & ~longer
     out[at + 1] = np.where(both, np.minimum(np.abs(step), np.abs(lasting)), 0.0)
     return out

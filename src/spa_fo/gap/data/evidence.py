@@ -28,7 +28,7 @@ _BINNING_DEG = 0.03  # error of averaging a curve over a step
 _TIMING_S = 0.003  # error of one sample's time
 # Times the usual time between samples, and times a ramp; of the range of the command; samples that
 # say how it slopes. Assumed.
-_A_GAP, _CHANGES, _SLOPE = 3.0, 0.02, 11
+A_GAP, _CHANGES, _SLOPE = 3.0, 0.02, 11
 _RATE_OVER_S = 0.12
 _CURVE_FLOOR_DEG = 0.08
 _NEAR_S = 0.4
@@ -164,8 +164,8 @@ def _unsure_s(grid: CampaignGrid, rows: list[Integers]) -> Floats:
         usual_s, slowest = float(np.median(interval_s)), _CHANGES * np.ptp(trial.command_kpa)
         # A ramp is where it was, and where it is after a gap.
         sloped = median_filter(change / np.maximum(interval_s, usual_s), _SLOPE, mode="nearest")
-        at = np.flatnonzero((change > slowest) & (change > _A_GAP * sloped * interval_s))
-        sigma_s = np.where(interval_s > _A_GAP * usual_s, interval_s, 0.0)[at] / np.sqrt(12.0)
+        at = np.flatnonzero((change > slowest) & (change > A_GAP * sloped * interval_s))
+        sigma_s = np.where(interval_s > A_GAP * usual_s, interval_s, 0.0)[at] / np.sqrt(12.0)
         last = np.searchsorted(trial.t_s[at], grid.time_s[own])
         unsure[own] = np.append(0.0, sigma_s)[last]
     return unsure

@@ -36,7 +36,7 @@ EFFECT = Effect(
             "1",
             "when, as a share of the campaign",
             centre=0.5,
-            factor=100.0,  # of a rest nothing is known: as good as any
+            factor=100.0,  # in each tenfold of time as probable as in any other
             low=1e-5,
             high=1.0,
             starts=MOMENTS,
