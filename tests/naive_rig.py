@@ -91,6 +91,15 @@ def log(lines: list[bytes], banner: str = BANNER, end: bytes = b"\n") -> bytes:
     return end.join([banner.encode(), *lines]) + end
 
 
+def log_without_pressure(seed: int) -> bytes:
+    """A log of a board that measures no pressure."""
+    kept = []
+    for line in rows(seed=seed):
+        seq, t_us, cmd, _, flex = line.split(b"*")[0].decode().split(",")
+        kept.append(data_line(seq, t_us, cmd, flex))
+    return log(kept, BANNER.replace("p_adc,", ""))
+
+
 def calibration_log(
     *, offset: float = 0.0, slope: float = 4.0, hysteresis: float = 2.0, seed: int = 1
 ) -> bytes:

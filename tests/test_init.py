@@ -170,6 +170,16 @@ def test_a_folder_of_a_boards_logs(tmp_path: Path) -> None:
     assert "pressure_sensor:  # UNSURE" in (folder / "campaign.yaml").read_text()
 
 
+def test_a_folder_of_a_boards_logs_without_pressure_names_no_sensor(tmp_path: Path) -> None:
+    logs = {f"step_20/trial_0{k}.log": naive_rig.log_without_pressure(k) for k in (1, 2)}
+    folder = naive_rig.write_campaign(tmp_path / "small", files=logs)
+    for name in ("campaign.yaml", "SHA256SUMS"):
+        (folder / name).unlink()
+    data = initialised(folder)
+    assert data.campaign.pressure_sensor is None
+    assert data.trials[0].pressure_kpa is None
+
+
 RAMP = np.linspace(0.0, 30.0, 200)
 COMMANDS = {
     "step": command((1, 0), (9, 30)),

@@ -116,7 +116,6 @@ CHANGES: list[tuple[str, Callable[[Document], object], str]] = [
         lambda d: d["provenance"].update(kind="real"),
         "provenance.kind: is 'real'; expected one of: measured, synthetic",
     ),
-    ("no sensor", lambda d: d.pop("pressure_sensor"), "pressure_sensor: is missing"),
     (
         "sensor upside down",
         lambda d: d["pressure_sensor"].update(kpa=[551.6, 0]),

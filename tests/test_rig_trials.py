@@ -358,6 +358,28 @@ def test_a_table_that_is_not_the_campaigns(tmp_path: Path, change: Any, message:
         load_trials(path, data.campaign)
 
 
+def test_logs_without_pressure_need_no_pressure_sensor(tmp_path: Path) -> None:
+    document = naive_rig.description()
+    document.pop("pressure_sensor")
+    files = {f"step_20/trial_0{k}.log": naive_rig.log_without_pressure(k) for k in (1, 2)}
+    data = read(naive_rig.write_campaign(tmp_path / "small", document, files))
+    assert [trial.pressure_kpa for trial in data.trials] == [None, None]
+    assert data.trials[0].command_kpa is not None
+    assert data.trials[0].angle_deg.max() > 5.0
+
+
+def test_counts_of_a_pressure_need_its_sensor(tmp_path: Path) -> None:
+    document = naive_rig.description()
+    document.pop("pressure_sensor")
+    folder = naive_rig.write_campaign(tmp_path / "small", document)
+    with pytest.raises(BadInput) as caught:
+        read(folder)
+    assert str(caught.value) == (
+        f"{folder / 'campaign.yaml'}: pressure_sensor: is missing; step_20/trial_01.log holds "
+        "p_adc, ADC counts"
+    )
+
+
 CSV = {
     "format": "csv",
     "columns": {

@@ -299,8 +299,6 @@ def _check_sense(campaign: Campaign) -> None:
                 f"{earlier.order} at {earlier.started_s:g} s; expected it to rise with order",
                 f"{orders[later.order].removesuffix('.order')}.started_s",
             )
-    if campaign.log.format == "spa-rig" and campaign.pressure_sensor is None:
-        raise BadInput(path, "is missing; spa-rig logs hold ADC counts", "pressure_sensor")
     columns = campaign.log.columns
     if (
         columns is not None

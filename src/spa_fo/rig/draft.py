@@ -224,7 +224,10 @@ def _spa_rig_logs(
     if any("angle" not in log.signals for log in logs) and not calibrations:
         raise BadInput(folder, "holds flex counts without a calibration; expected a log of one")
     calibrations.sort(key=lambda file: (_is_later(file), _natural(file)))
-    return logs, tuple(calibrations), {"pressure_sensor": "no log says which sensor it is"}
+    doubts = {}
+    if any("pressure" in log.signals for log in logs):
+        doubts["pressure_sensor"] = "no log says which sensor it is"
+    return logs, tuple(calibrations), doubts
 
 
 def _is_later(file: str) -> bool:

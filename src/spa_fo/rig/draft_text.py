@@ -58,11 +58,10 @@ def _experiment(one: DraftExperiment) -> Iterator[str]:
 
 
 def _sensor(draft: Draft) -> Iterator[str]:
-    banner = draft.log.banner
-    if banner is None:
+    banner, doubt = draft.log.banner, draft.doubts.get("pressure_sensor")
+    if banner is None or doubt is None:
         return
     usual = Setup("", 1.0)
-    doubt = draft.doubts["pressure_sensor"]
     yield f"pressure_sensor:  # {UNSURE}: {doubt}; volts and kpa are a usual one's"
     yield f"  volts: {list(usual.volts)}"
     yield f"  kpa: {list(usual.kpa)}"

@@ -17,7 +17,6 @@ from spa_fo.rig.campaign import (
     CalibrationFile,
     Campaign,
     Experiment,
-    PressureSensor,
     TrialFile,
 )
 from spa_fo.rig.csv_log import read_csv_log
@@ -220,12 +219,17 @@ def _read_samples(campaign: Campaign, file: TrialFile) -> _Samples:
             "line 1",
         )
     check_banner(campaign, file.path, log)
-    sensor = campaign.pressure_sensor
-    assert isinstance(sensor, PressureSensor)
+    pressure = None
+    if "p_adc" in columns:
+        if campaign.pressure_sensor is None:
+            raise BadInput(
+                campaign.yaml, f"is missing; {file.file} holds p_adc, ADC counts", "pressure_sensor"
+            )
+        pressure = campaign.pressure_sensor.pressure_kpa(columns["p_adc"])
     return _Samples(
         log.t_s,
         columns.get("cmd_kpa"),
-        sensor.pressure_kpa(columns["p_adc"]) if "p_adc" in columns else None,
+        pressure,
         columns.get("flex_adc"),
         columns.get("angle_deg"),
         log.after_reset,
