@@ -91,6 +91,9 @@ def test_a_law_at_the_place_of_an_effect_is_that_effect_in_another_form(laws: An
     laws(NATS + 10.0 / SETTINGS.temper, place="moment")
     verdict = answer(("stiffening",))
     assert against_laws(verdict, EXAMINED) == verdict
+    # Beside a law the coefficients are free, as they are beside a shift.
+    shifted = answer(("stiffening", "parameter_shift"))
+    assert against_laws(shifted, EXAMINED) == shifted
     assert against_laws(answer(("sensor_saturation",)), EXAMINED).kind == "unknown"
     assert against_laws(answer(("stiffening", "gravity_load")), EXAMINED).kind == "unknown"
 

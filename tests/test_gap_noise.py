@@ -11,7 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from spa_fo.gap.noise.bench_noise import BenchNoise
+from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
+from spa_fo import simulate
+from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.noise.bench_noise import BenchNoise, bench_noise, shown_of_gain
 from spa_fo.gap.noise.coloured import (
     CORRELATION_S,
     TYPICAL_DEG,
@@ -154,6 +157,35 @@ def test_contrasts_have_the_noise_of_one_trial_and_no_mean() -> None:
     np.testing.assert_allclose(found.values, shifted.values, atol=1e-9)
     squares = np.sum((angles - angles.mean(axis=0)) ** 2)
     assert np.sum(found.values**2) == pytest.approx(squares)
+
+
+def test_a_gain_of_a_trials_own_shows_where_readings_go_on() -> None:
+    plain = np.concatenate([np.linspace(0.0, 60.0, 200), np.linspace(60.0, 0.0, 200)])
+    noise = 0.2 * np.random.default_rng(8).standard_normal(plain.size)
+    np.testing.assert_allclose(shown_of_gain(plain, 0.9 * plain + noise), 1.0, atol=0.05)
+    stopped = shown_of_gain(plain, np.minimum(plain, 35.0) + noise)
+    assert stopped[plain < 20.0].min() > 0.9
+    assert stopped[plain > 50.0].max() < 0.1
+    assert (shown_of_gain(np.zeros(5), np.zeros(5)) == 1.0).all()
+
+
+def saturating(scatter_of_gain: float) -> Evidence:
+    """Five steps each to 30 and to 60 degrees, of a sensor that stops at 36."""
+    rng = np.random.default_rng(9)
+    runs = []
+    for trial in trials(*[step_release(level) for level in (0.5 * SIXTY, SIXTY) for _ in range(5)]):
+        assert trial.command_kpa is not None
+        angle = np.degrees(simulate(trial.t_s, trial.command_kpa / KPA, *X, hold="zero"))
+        angle = np.minimum((1.0 + scatter_of_gain * rng.standard_normal()) * angle, 36.0)
+        runs.append(replace(trial, angle_deg=angle + 0.05 * rng.standard_normal(angle.size)))
+    return collect(campaign_data(runs))
+
+
+def test_the_scatter_of_gain_is_found_though_the_sensor_stops() -> None:
+    found = bench_noise(saturating(0.03), np.array(X))
+    assert found.scatter.gain == pytest.approx(0.03, rel=0.5)
+    assert found.gains is not None
+    assert np.ptp(found.gains) < 0.015
 
 
 # --- the fixture ----------------------------------------------------------------------------------

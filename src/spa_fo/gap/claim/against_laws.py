@@ -60,8 +60,10 @@ def _laws(first: Scored, examined: Examined) -> float:
     least = name - log_prior(tuple(LIBRARY)[:1]) - SETTINGS.temper * (told + HOPE * WORTH_WEIGHING)
     _, fits = fitted_laws(found.bench, found.plain, least)
     # What goes with the trials' order may be their scatter: it is weighed as a trend. At the place
-    # of a single effect a law is that effect, in another form.
-    own = LIBRARY[named[0]].place if len(named) == 1 else ""
+    # of a single effect a law is that effect, in another form; also beside a shift of parameters,
+    # which are as free beside a law.
+    alone = [name for name in named if LIBRARY[name].port != "coefficients"]
+    own = LIBRARY[alone[0]].place if len(alone) == 1 else ""
     laws = [fit for fit in fits if fit.basis.place not in (*ORDERED, own)]
     if not laws:
         return -np.inf

@@ -21,6 +21,7 @@ from spa_fo.gap.noise.coloured import (
     contrasts,
     estimate,
     scatter,
+    unexplained,
 )
 from spa_fo.gap.noise.dwell_error import DwellError, dwell_error
 from spa_fo.gap.noise.order import OF_GAIN, OF_ZERO, of_order
@@ -40,6 +41,7 @@ TYPICAL = Scatter(
 """Scatter of trials before they are seen."""
 _FIXED_DEG = 0.03  # error of averaging a curve over a step
 _RATE_STEP = 2e-3
+_CURVE_KNOTS, _CURVE_BENDS = 9, 1e-3  # of readings over predictions; how stiff it is
 _FEWEST_ROWS = 12  # averaged samples that trials must share
 
 
@@ -181,8 +183,11 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     chain, trials = angle_chain(evidence, x, None), len(evidence.grid.trials)
     plain, quick = (chain.run(at_rate(x, rate), absent())[0] for rate in (1.0, 1.0 + _RATE_STEP))
     alike = repeats(evidence, evidence.grid.angle_deg, np.ones(trials, dtype=bool))
-    found = [_taken_apart(evidence, each, (quick - plain) / _RATE_STEP) for each in alike]
-    differences = [each for each in found if each is not None]
+    # What saturates shows less of a trial's own gain; what softens does not.
+    whole, part = np.ones(plain.size), shown_of_gain(plain, evidence.grid.angle_deg)
+    quicker = (quick - plain) / _RATE_STEP
+    tried = [[_taken_apart(evidence, a, quicker, shown) for a in alike] for shown in (whole, part)]
+    differences = min(([d for d in one if d is not None] for one in tried), key=unexplained)
     spectrum = estimate(differences, evidence.noise_deg)
     nats, zeros_deg, gains = 0.0, None, None
     if beyond is None and differences:
@@ -210,7 +215,34 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     return BenchNoise(foreseen, scattered, fixture, compared=True, foreseen_deg=beyond.angle_deg)
 
 
-def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Differences | None:
+def shown_of_gain(plain_deg: Floats, angle_deg: Floats) -> Floats:
+    """Say how much of a gain of a trial's own its readings show: less where they saturate.
+
+    With a curve m of readings over what the plain model predicts it is d ln m / d ln y, 0 to 1.
+
+    Parameters
+    ----------
+    plain_deg, angle_deg : (n,) arrays
+        Predictions and readings at the averaged samples.
+    """
+    most = float(np.max(plain_deg, initial=0.0))
+    if most <= 0.0:
+        return np.ones(plain_deg.size)
+    knots = np.linspace(0.0, most, _CURVE_KNOTS)
+    shares = np.clip(plain_deg / most, 0.0, 1.0) * (knots.size - 1)
+    hats = np.maximum(1.0 - np.abs(shares[:, None] - np.arange(knots.size)), 0.0)
+    bends = np.sqrt(_CURVE_BENDS * plain_deg.size) * np.diff(np.eye(knots.size), 2, axis=0)
+    target = np.concatenate([angle_deg, np.zeros(len(bends))])
+    curve = np.linalg.lstsq(np.vstack([hats, bends]), target, rcond=None)[0]
+    slope = np.interp(plain_deg, knots, np.gradient(curve, knots))
+    read = np.interp(plain_deg, knots, curve)
+    share = slope * plain_deg / np.where(np.abs(read) > 0.0, read, 1.0)
+    return np.where(plain_deg > knots[1], np.clip(share, 0.0, 1.0), 1.0)
+
+
+def _taken_apart(
+    evidence: Evidence, repeated: Repeats, quicker: Floats, shown: Floats
+) -> Differences | None:
     """Take trials that were run alike apart, where all of them have samples."""
     seen = np.isfinite(repeated.values).all(axis=0)
     if len(repeated.trials) < 2 or np.count_nonzero(seen) < _FEWEST_ROWS:
@@ -220,4 +252,4 @@ def _taken_apart(evidence: Evidence, repeated: Repeats, quicker: Floats) -> Diff
     fixed = np.full(rows.size, _FIXED_DEG**2)
     averages = Averages(grid.time_s[rows], width_s, repeated.weight[seen], fixed)
     which = np.eye(len(grid.trials))[repeated.trials]
-    return contrasts(repeated.values[:, seen], averages, quicker[rows], which)
+    return contrasts(repeated.values[:, seen], averages, quicker[rows], which, shown[rows])

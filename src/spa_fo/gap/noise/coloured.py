@@ -136,16 +136,22 @@ class Differences(Averages):
 
 
 def contrasts(
-    angles_deg: Floats, rows: Averages, quicker: Floats, which: Floats | None = None
+    angles_deg: Floats,
+    rows: Averages,
+    quicker: Floats,
+    which: Floats | None = None,
+    shown: Floats | None = None,
 ) -> Differences:
     """Take repeated trials, (trials, n), apart into their mean and orthonormal contrasts.
 
     `quicker`, (n,), is what a time scale of its own does to a trial, deg; `which` are these among
-    all trials, (trials, all), where there are others.
+    all trials, (trials, all), where there are others; `shown`, (n,), is how much of a gain of its
+    own shows: all of it by default.
     """
     between = helmert(len(angles_deg))
     values, mean = between @ angles_deg, angles_deg.mean(axis=0)
-    return _differences(values, rows, mean, quicker, between if which is None else between @ which)
+    own = between if which is None else between @ which
+    return _differences(values, rows, mean, quicker, own, shown)
 
 
 def misfit(time_s: Floats, left: Floats, shape: Floats) -> Differences:
@@ -161,17 +167,29 @@ def misfit(time_s: Floats, left: Floats, shape: Floats) -> Differences:
 
 
 def _differences(
-    values: Floats, rows: Averages, shape: Floats, quicker: Floats, between: Floats
+    values: Floats,
+    rows: Averages,
+    shape: Floats,
+    quicker: Floats,
+    between: Floats,
+    shown: Floats | None = None,
 ) -> Differences:
     """Merge neighbours, as a restricted likelihood costs the third power of the rows."""
+    shown = np.ones(shape.size) if shown is None else shown
     first = np.arange(0, shape.size, -(-shape.size // _MOST_ROWS))
     number = np.diff(np.append(first, shape.size))
     few = rows.merged(first)
-    values, shape, quicker = (
-        np.add.reduceat(each, first, axis=-1) / number for each in (values, shape, quicker)
+    values, shape, gain, quicker = (
+        np.add.reduceat(each, first, axis=-1) / number
+        for each in (values, shape, shown * shape, shown * quicker)
     )
-    nuisances = [np.ones(first.size), shape, np.gradient(shape, few.time_s), quicker]
+    nuisances = [np.ones(first.size), gain, np.gradient(shape, few.time_s), quicker]
     return Differences(**vars(few), values=values, nuisances=np.array(nuisances).T, between=between)
+
+
+def unexplained(differences: Sequence[Differences]) -> float:
+    """Sum of squares of what contrasts show beside zeros, gains, delays and time scales, deg²."""
+    return float(sum(np.sum((d.values @ null_space(d.nuisances.T)) ** 2) for d in differences))
 
 
 def estimate(differences: Sequence[Differences], white_deg: float) -> Spectrum:

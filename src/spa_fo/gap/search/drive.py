@@ -7,11 +7,12 @@ to the angle, and what the angle makes of it is added to their evidence (`joined
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
 from spa_fo.gap.data.searched import to_x
@@ -34,6 +35,7 @@ Ids = tuple[str, ...]
 _BINNING_KPA = 0.02  # error of averaging a pressure over a step
 _BLUR = 0.5  # of the change of pressure about a cell: when exactly it changed is not known
 _ROOM = 2.0  # deviations of the pressure's noise within which the model is believed
+_WINDOWS = (65, 17, 5, 1)  # cells over which the measured pressure is averaged, slow ones first
 _SHARP = 4.0  # times a trial's median noise: rows beyond are about a jump
 _PAIRED = 4  # of the best single effects
 _ENOUGH, _MOST_TRIED = 0.01, 40  # of a search
@@ -114,16 +116,15 @@ def examine_drive(
 
     def alone(ids: Ids) -> DriveFit:
         own = problem(ids)
-        return _fit(own, starts(own, np.zeros(0), _DELAYS_S), room)
+        return _fit(own, starts(own, np.zeros(0), _DELAYS_S), rooms)
 
     def together(ids: Ids) -> DriveFit:
         singles: dict[Ids, DriveFit] = {(name,): fits[(name,)] for name in ids}
         lag = _best(singles).z[-1:]  # of the one that explains most
         z = np.concatenate([*(fit.z[:-1] for fit in singles.values()), lag])
-        return _fit(problem(ids), [z], room)
+        return _fit(problem(ids), [z], rooms)
 
-    cells = np.arange(int(evidence.grid.cell_starts[-1]))
-    room = 0.5 * step + _ROOM * evidence.pressure_noise_kpa + _BLUR * blur(evidence, cells)
+    rooms = _rooms(evidence, step)
     fits: dict[Ids, DriveFit] = {(): alone(())}
     late = fits[()].z[-1] > QUICK_S  # which may be the drive's, as far as the pressure goes
     if late or _drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
@@ -211,10 +212,54 @@ def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:
     return squares
 
 
-def _fit(problem: PressureProblem, points: list[Floats], room_kpa: Floats) -> DriveFit:
+def _rooms(evidence: Evidence, step_kpa: float) -> list[Floats]:
+    """Say by how much means of the measured pressure err, (cells,) for each of `_WINDOWS`, kPa.
+
+    Of a pressure that goes through many steps of its converter these average out.
+    """
+    grid = evidence.grid
+    assert grid.pressure_kpa is not None
+    blurred, pressure = blur(evidence, np.arange(grid.pressure_kpa.size)), grid.pressure_kpa
+    rooms = []
+    for window in _WINDOWS:
+        high, low, mean = (
+            _windowed(of, values, grid.cell_starts, window)
+            for of, values in (
+                (maximum_filter1d, pressure),
+                (minimum_filter1d, pressure),
+                (uniform_filter1d, blurred),
+            )
+        )
+        steps = np.maximum((high - low) / max(step_kpa, 1e-9), 1.0)
+        other = _ROOM * evidence.pressure_noise_kpa + _BLUR * mean
+        rooms.append(0.5 * step_kpa / steps + other / np.sqrt(window))
+    return rooms
+
+
+def _windowed(
+    of: Callable[..., Floats], values: Floats, starts: NDArray[np.int64], window: int
+) -> Floats:
+    """Filter what stands on the cells, trial by trial."""
+    parts = np.split(values, starts[1:-1])
+    return np.concatenate([of(part, window, mode="nearest") for part in parts])
+
+
+def _beyond(missed_kpa: Floats, starts: NDArray[np.int64], rooms_kpa: list[Floats]) -> Floats:
+    """Give what a sensor surely shows of what a fit misses, (cells,): slow parts, then quick ones.
+
+    What a mean over a window shows beyond its room is no error of the sensor.
+    """
+    shown = np.zeros(missed_kpa.size)
+    for window, room in zip(_WINDOWS, rooms_kpa, strict=True):
+        mean = _windowed(uniform_filter1d, missed_kpa - shown, starts, window)
+        shown += mean - np.clip(mean, -room, room)
+    return shown
+
+
+def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]) -> DriveFit:
     """Fit from the best of some points.
 
-    Within `room_kpa`, (cells,), the sensor may differ from a fit that is believed.
+    Within `rooms_kpa` the sensor may differ from a fit that is believed.
     """
     factor = problem.whitening.factor(1.0, SETTINGS.search_share)
     if len(points) > _BEST_STARTS:
@@ -232,12 +277,13 @@ def _fit(problem: PressureProblem, points: list[Floats], room_kpa: Floats) -> Dr
     assert grid.measured_kpa is not None
     assert grid.pressure_kpa is not None
     sensed, there = (grid.pressure_kpa - offset) / (1.0 + gain), problem.shown(z)
+    surely = _beyond(sensed - there, grid.cell_starts, rooms_kpa)
     return DriveFit(
         ids=problem.ids,
         z=z,
         effects=problem.effects(z),
         cells_kpa=cells,
-        believed_kpa=cells + (np.clip(there, sensed - room_kpa, sensed + room_kpa) - there),
+        believed_kpa=cells + surely,
         predicted_kpa=grid.sampled(cells),
         residual_kpa=grid.measured_kpa - shown - offset - gain * shown,
         sigma=np.sqrt(np.diag(problem.posterior(linear, factor, np.ones(1)))),
