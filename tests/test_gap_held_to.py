@@ -17,6 +17,7 @@ from spa_fo.gap.claim.claimed import (
     times_expected,
     too_large_for_none,
     too_small_for_any,
+    without_none,
 )
 from spa_fo.gap.claim.expected import (
     SURELY,
@@ -235,6 +236,20 @@ def test_what_closes_a_gap_that_is_too_large_for_none_is_a_part() -> None:
         assert found.unknown == pytest.approx(0.95)
     assert too_large_for_none(none, claims({("creep",): 0.1})).sets == ()
     assert too_large_for_none(none, claims({})).sets == ()
+
+
+def test_what_closes_a_gap_that_is_too_large_for_none_is_its_cause_if_it_is_likelier() -> None:
+    none = answer({(): 0.7, ("sensor_saturation",): 0.15, ("creep",): 0.05, ("leak",): 0.06}, 0.04)
+    closed = claims({("sensor_saturation",): 1.0, ("creep",): 0.9, ("leak",): 0.1})
+    found = without_none(none, closed)
+    assert (found.kind, found.sets) == ("ambiguous", (("sensor_saturation",), ("creep",)))
+    assert found.of(("sensor_saturation",)).probability == pytest.approx(0.5)
+    assert found.unknown == pytest.approx(1.0 / 3.0)
+    rare = answer({(): 0.9, ("creep",): 0.03}, 0.07)
+    assert without_none(rare, claims({("creep",): 0.9})).kind == "unknown"
+    assert without_none(rare, claims({})).sets == ()
+    cause = answer({("creep",): 0.9}, 0.1)
+    assert without_none(cause, closed) == cause
 
 
 def test_what_the_reference_never_saw_is_neither_the_same_nor_changed() -> None:

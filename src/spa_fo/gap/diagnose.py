@@ -26,8 +26,8 @@ from spa_fo.gap.claim.claimed import (
     model_of,
     on_all_trials,
     times_expected,
-    too_large_for_none,
     too_small_for_any,
+    without_none,
 )
 from spa_fo.gap.claim.expected import (
     beyond_expected,
@@ -231,7 +231,7 @@ def _answered(
         verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed)
         too_large = times_expected(examined, claimed.curves["plain"]) > CLEARLY
         if too_large or not examined.found.bench.noise.is_ordinary:
-            verdict = too_large_for_none(verdict)
+            verdict = without_none(verdict, claimed)
         if examined.found.bench.noise.spectrum.repeats:
             # By how much a set lets repeats differ is no floor.
             explained = noise_floor(examined.everything, claimed.curves["explained"])

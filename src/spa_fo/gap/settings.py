@@ -92,10 +92,10 @@ class Settings:
     )
     single: float = _number(0.35, "probability", "assumed", "prior of one effect")
     unknown: float = _number(
-        0.3, "odds", "learned", "prior: a set compensates for another cause, or one is beside it"
+        0.6, "odds", "learned", "prior: a set compensates for another cause, or one is beside it"
     )
     shift_beside: float = _number(
-        0.02, "odds", "assumed", "prior of a shift beside another effect: mostly compensating"
+        0.07, "odds", "learned", "prior of a shift beside another effect: mostly compensating"
     )
     # --- what counts -----------------------------------------------------------------------------
     moves: float = _number(

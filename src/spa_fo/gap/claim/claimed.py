@@ -230,6 +230,25 @@ def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdic
     return replace(again, sets=tuple(parts))
 
 
+def without_none(verdict: Verdict, claimed: Claim) -> Verdict:
+    """Answer with what is left where a gap is larger than all that is expected, but none stood.
+
+    Sets that close enough of it are a cause where they are more probable than the rest; else the
+    cause is unknown.
+    """
+    if verdict.kind != "no_gap":
+        return verdict
+    closed = claimed.closed
+    sets = [s for s in verdict.scored if s.named and closed.get(s.named, 0.0) >= SETTINGS.worth]
+    sets = [s for s in sets if claimed.closes(s.named)]
+    likely = sum(s.probability for s in sets)
+    others = 1.0 - verdict.none - likely  # an unknown cause, and what closes too little
+    if likely <= others:
+        return too_large_for_none(verdict, claimed)
+    scored = [replace(s, probability=s.probability / (likely + others)) for s in sets]
+    return judge(scored, others / (likely + others), verdict.unknown_drive)
+
+
 def too_small_for_any(verdict: Verdict, gap_deg: float, floor_deg: float) -> Verdict:
     """Take sets for no gap where the plain model misses hardly more than repeats differ by.
 
