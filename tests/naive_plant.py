@@ -34,7 +34,7 @@ def lag(signal, time_constant_s, second_pole, tail_share):
     return (1.0 - tail_share) * first + tail_share * low_pass(signal, 4.0 * quick)
 
 
-def play(signal, width, centre, wait=0.0):
+def play(signal, width, centre, wait=0.0, vented=0.0):
     out, position, told, rises, until = [], 0.0, 0.0, False, 0.0
     for number, value in enumerate(signal):
         if value != told:
@@ -46,6 +46,8 @@ def play(signal, width, centre, wait=0.0):
                 position = value - width * (1.0 - centre)
             if position > value + width * centre:
                 position = value + width * centre
+        if value <= 0.0:
+            position *= 1.0 - vented
         out.append(position)
     return np.array(out)
 

@@ -72,7 +72,9 @@ DRIVES = {
     "supply_droop": lambda s, p: naive.droop(s, **p),
     "leak": lambda s, p: naive.leak(s, *p.values()),
     "slew_limit": lambda s, p: naive.slew(s, p["rise_kpa_s"], p["fall_ratio"], p["approach_s"]),
-    "drive_backlash": lambda s, p: naive.play(s, p["play_kpa"], p["centre"], p["wait_s"]),
+    "drive_backlash": lambda s, p: naive.play(
+        s, p["play_kpa"], p["centre"], p["wait_s"], p["vented"]
+    ),
 }
 
 
@@ -150,6 +152,18 @@ def test_a_pump_that_is_vented_between_trials_begins_at_rest() -> None:
     effects = vector("drive_backlash", play_kpa=4.0, centre=0.25, kept=0.0)
     found = drive_pressure(command, np.array([0, 3, 5]), effects, np.zeros(2))
     assert found.tolist() == [0.0, 27.0, 1.0, 0.0, 27.0]
+
+
+def test_a_pump_with_play_may_be_vented_where_nothing_is_commanded() -> None:
+    one = np.array([0.0, 30.0, 10.0, 0.0, 0.0, 30.0])
+    effects = vector("drive_backlash", play_kpa=4.0, centre=0.5, vented=1.0)
+    found = drive_pressure(one, np.array([0, 6]), effects, np.zeros(2))
+    assert found.tolist() == [0.0, 28.0, 12.0, 0.0, 0.0, 28.0]
+    slow = DRIVES["drive_backlash"](
+        np.repeat(jerky(), CELL), parameters("drive_backlash", vented=1.0)
+    )
+    found = pressure(jerky(), vector("drive_backlash", vented=1.0))
+    np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)
 
 
 def test_play_leaves_pressure_in_the_actuator_between_trials() -> None:

@@ -152,10 +152,10 @@ class Chain:
 
         To u, which has its `rise` within each step, comes what is `held` there.
         """
-        width, centre, kept, _ = effects[_PLAY]
+        width, centre, kept, _, vented = effects[_PLAY]
         if not math.isnan(width) and not self.is_pressure:
             load[self.grid.cells[steps] == 0] = (
-                resting_kpa(width, centre, kept) / self.reference_kpa
+                resting_kpa(width, centre, kept, vented) / self.reference_kpa
             )
         if math.isnan(memory.ends_s) and effects[_GRAVITY][-1] != 0.0:
             self._hang(x, effects, memory)

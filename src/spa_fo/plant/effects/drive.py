@@ -43,8 +43,8 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     if not math.isnan(e[DEAD_TIME]):
         delay_cells(p, starts, e[DEAD_TIME])
     if not math.isnan(e[DRIVE_BACKLASH]):
-        width, centre, kept, wait = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 4]
-        follow_with_play(p, starts, width, centre, kept, wait, play)
+        width, centre, kept, wait, vented = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 5]
+        follow_with_play(p, starts, width, centre, kept, wait, vented, play)
     if not math.isnan(e[SLEW_LIMIT]):
         slew(p, starts, e[SLEW_LIMIT], e[SLEW_LIMIT + 1], e[SLEW_LIMIT + 2])
     if not math.isnan(e[SUPPLY_DROOP]):

@@ -42,6 +42,12 @@ EFFECT = Effect(
             is_delay=True,
             is_addition=True,
         ),
+        Parameter(
+            *("vented", "1", 0.0, 0.5, 0.0, 1.0),
+            starts=(0.0, 1.0),
+            means="part of the pressure that a command of 0 lets out, as a valve that opens there",
+            is_addition=True,
+        ),
     ),
     name="backlash of the drive",
     means="after a reversal of the command the pressure waits, as in a spindle or a dead band",
@@ -58,11 +64,13 @@ def follow_with_play(
     centre: float,
     kept: float,
     wait: float,
+    vented: float,
     play: Floats,
 ) -> None:
     """Play operator: the pressure stays between command - width(1 - centre) and + width·centre.
 
-    After a reversal, and where a trial's command first moves, it stays for `wait`, s, as well.
+    After a reversal, and where a trial's command first moves, it stays for `wait`, s, as well; a
+    command of 0 lets out the part `vented` of it at once.
     `play` is the position, kPa, and whether there is any; carried on in place. Of it a trial,
     whose first cell is in `starts`, begins with the part `kept`.
     """
@@ -72,21 +80,24 @@ def follow_with_play(
         position *= kept
         farthest, way, since = 0.0, 0.0, cells
         for i in range(starts[trial], starts[trial + 1]):
-            gone = p[i] - farthest
+            told = p[i]
+            gone = told - farthest
             if abs(gone) > least and (way == 0.0 or way * gone < 0.0):
                 way, since = math.copysign(1.0, gone), 0.0
             if way * gone > 0.0:
-                farthest = p[i]
+                farthest = told
             since += 1.0
             follows = min(max(since - cells, 0.0), 1.0)  # for which part of the cell
             before = position
             if follows > 0.0:
-                position = min(max(position, p[i] - width * (1.0 - centre)), p[i] + width * centre)
+                position = min(max(position, told - width * (1.0 - centre)), told + width * centre)
+            if abs(told) <= least:
+                position, before = (1.0 - vented) * position, (1.0 - vented) * before
             p[i] = before + follows * (position - before)
     play[0] = position
     play[1] = 1.0
 
 
-def resting_kpa(width: float, centre: float, kept: float) -> float:
-    """Pressure that a pump with play leaves in the actuator after it was vented, kPa."""
-    return kept * width * centre
+def resting_kpa(width: float, centre: float, kept: float, vented: float) -> float:
+    """Pressure that a pump with play leaves in the actuator after a trial, kPa."""
+    return (1.0 - vented) * kept * width * centre
