@@ -35,7 +35,7 @@ def lag(signal, time_constant_s, second_pole, tail_share):
 
 
 def play(signal, width, centre, wait=0.0, vented=0.0):
-    out, position, told, rises, until = [], 0.0, 0.0, False, 0.0
+    out, position, told, rises, until, before = [], 0.0, 0.0, False, 0.0, 0.0
     for number, value in enumerate(signal):
         if value != told:
             if (value > told) != rises:
@@ -46,8 +46,9 @@ def play(signal, width, centre, wait=0.0, vented=0.0):
                 position = value - width * (1.0 - centre)
             if position > value + width * centre:
                 position = value + width * centre
-        if value <= 0.0:
+        if value <= 0.0 < before:
             position *= 1.0 - vented
+        before = value
         out.append(position)
     return np.array(out)
 

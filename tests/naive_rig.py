@@ -91,13 +91,13 @@ def log(lines: list[bytes], banner: str = BANNER, end: bytes = b"\n") -> bytes:
     return end.join([banner.encode(), *lines]) + end
 
 
-def log_without_pressure(seed: int) -> bytes:
+def log_without_pressure(seed: int, banner: str = BANNER) -> bytes:
     """A log of a board that measures no pressure."""
     kept = []
     for line in rows(seed=seed):
         seq, t_us, cmd, _, flex = line.split(b"*")[0].decode().split(",")
         kept.append(data_line(seq, t_us, cmd, flex))
-    return log(kept, BANNER.replace("p_adc,", ""))
+    return log(kept, banner.replace("p_adc,", ""))
 
 
 def calibration_log(

@@ -10,7 +10,7 @@ from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.pressure import timing_error
-from spa_fo.gap.search.drive import _beyond, examine_drive
+from spa_fo.gap.search.drive import _WINDOWS, _beyond, examine_drive
 from spa_fo.plant.effects.library import LIBRARY, rare
 from spa_fo.plant.memory import FINEST_STEP_S
 
@@ -129,12 +129,34 @@ def test_what_a_sensor_shows_slowly_is_believed_though_single_rows_do_not_tell_i
     assert missed < 0.6 * drift
 
 
-def test_a_pressure_within_a_step_of_its_converter_is_the_fits():
-    starts = np.array([0, 300, 600])
-    steps = 0.25 * np.sign(np.sin(np.arange(600) / 20.0))
-    rooms = [np.full(600, 0.3)] * 4
-    assert (_beyond(steps, starts, rooms) == 0.0).all()
-    np.testing.assert_allclose(_beyond(steps + 2.0, starts, rooms), 1.8, atol=0.35)
+@pytest.mark.parametrize("every", [1, 5, 10])
+@pytest.mark.parametrize("late", [0, 1])
+def test_when_a_row_is_read_is_no_error_of_the_drive(every, late):
+    """A perfect drive on a slow sine, its pressure read at either end of its rows."""
+    t_s = 0.02 * np.arange(1500)
+    command = 0.5 * SIXTY * (1.0 - np.cos(0.2 * np.pi * t_s))
+    runs = []
+    for trial in trials(*[command] * 2):
+        rows = slice(None, None, every)
+        own = trial.command_kpa[rows]
+        read = own if late else np.concatenate([own[:1], own[:-1]])
+        arrays = {n: v[rows] for n, v in vars(trial).items() if isinstance(v, np.ndarray)}
+        runs.append(replace(trial, **arrays | {"pressure_kpa": read}))
+    names = [n for n, effect in LIBRARY.items() if effect.stage == "drive"]
+    assert examine_drive(collect(campaign_data(runs)), names, X).gap_deg < 0.01
+
+
+def test_a_slow_part_within_the_room_of_single_rows_is_believed_and_noise_is_not():
+    starts, rng = np.array([0, 300, 300 + 40, 600]), np.random.default_rng(4)
+    noise = 0.3 * rng.standard_normal(600)
+    rooms = [np.full(600, 0.6 / np.sqrt(window)) for window in _WINDOWS]
+    slow = 0.5 * np.sin(np.arange(600) / 60.0)
+    believed = _beyond(slow + noise, starts, rooms)
+    assert np.corrcoef(believed, slow)[0, 1] > 0.95
+    assert np.sqrt(np.mean((believed - slow) ** 2)) < 0.15
+    assert np.sqrt(np.mean(_beyond(noise, starts, rooms) ** 2)) < 0.05
+    # Of one window alone, as wide as a row, hardly anything is.
+    assert np.abs(np.clip(slow, -0.6, 0.6) - slow).max() == 0.0
 
 
 def test_a_jump_is_uncertain_by_its_size_and_a_ramp_by_its_rate():

@@ -13,11 +13,11 @@ from spa_fo.gap.answer.causes import _stood
 from spa_fo.gap.claim.claimed import (
     CLEARLY,
     Claim,
+    cause_of_too_large,
     held_to,
     times_expected,
     too_large_for_none,
     too_small_for_any,
-    without_none,
 )
 from spa_fo.gap.claim.expected import (
     SURELY,
@@ -238,18 +238,26 @@ def test_what_closes_a_gap_that_is_too_large_for_none_is_a_part() -> None:
     assert too_large_for_none(none, claims({})).sets == ()
 
 
-def test_what_closes_a_gap_that_is_too_large_for_none_is_its_cause_if_it_is_likelier() -> None:
+def test_a_gap_too_large_for_none_has_what_closes_it_for_a_cause_if_that_is_likelier() -> None:
     none = answer({(): 0.7, ("sensor_saturation",): 0.15, ("creep",): 0.05, ("leak",): 0.06}, 0.04)
     closed = claims({("sensor_saturation",): 1.0, ("creep",): 0.9, ("leak",): 0.1})
-    found = without_none(none, closed)
+    found = cause_of_too_large(none, closed)
     assert (found.kind, found.sets) == ("ambiguous", (("sensor_saturation",), ("creep",)))
     assert found.of(("sensor_saturation",)).probability == pytest.approx(0.5)
-    assert found.unknown == pytest.approx(1.0 / 3.0)
+    assert (found.unknown, found.none) == (pytest.approx(1.0 / 3.0), 0.0)
     rare = answer({(): 0.9, ("creep",): 0.03}, 0.07)
-    assert without_none(rare, claims({("creep",): 0.9})).kind == "unknown"
-    assert without_none(rare, claims({})).sets == ()
+    part = cause_of_too_large(rare, claims({("creep",): 0.9}))
+    assert (part.kind, part.sets) == ("unknown", (("creep",),))
+    assert part.unknown == pytest.approx(0.7)
     cause = answer({("creep",): 0.9}, 0.1)
-    assert without_none(cause, closed) == cause
+    assert cause_of_too_large(cause, closed) == cause
+
+
+def test_what_closes_nothing_of_a_gap_too_large_for_none_is_no_cause() -> None:
+    none = answer({(): 0.4, ("creep",): 0.38, ("leak",): 0.2}, 0.02)
+    for closed in ({}, {("creep",): -5.0, ("leak",): 0.1}):
+        found = cause_of_too_large(none, claims(closed))
+        assert (found.kind, found.sets, found.unknown) == ("unknown", (), 1.0)
 
 
 def test_what_the_reference_never_saw_is_neither_the_same_nor_changed() -> None:

@@ -18,6 +18,7 @@ from spa_fo.errors import BadInput
 from spa_fo.gap.data.searched import at_rate
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.drive import drive_pressure
+from spa_fo.plant.effects.drive_backlash import resting_kpa
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import CONTRACT, IDS, LIBRARY, absent
 from spa_fo.plant.effects.sensor import read_angle
@@ -154,15 +155,18 @@ def test_a_pump_that_is_vented_between_trials_begins_at_rest() -> None:
     assert found.tolist() == [0.0, 27.0, 1.0, 0.0, 27.0]
 
 
-def test_a_pump_with_play_may_be_vented_where_nothing_is_commanded() -> None:
-    one = np.array([0.0, 30.0, 10.0, 0.0, 0.0, 30.0])
-    effects = vector("drive_backlash", play_kpa=4.0, centre=0.5, vented=1.0)
-    found = drive_pressure(one, np.array([0, 6]), effects, np.zeros(2))
-    assert found.tolist() == [0.0, 28.0, 12.0, 0.0, 0.0, 28.0]
+@pytest.mark.parametrize("vented", [0.5, 1.0])
+def test_a_pump_with_play_may_be_vented_where_its_command_comes_to_nothing(vented: float) -> None:
+    one = np.array([0.0, 30.0, 10.0, 0.0, 0.0, 30.0, 0.0])
+    effects = vector("drive_backlash", play_kpa=4.0, centre=0.5, vented=vented)
+    found = drive_pressure(one, np.array([0, 7]), effects, np.zeros(2))
+    left = 2.0 * (1.0 - vented)
+    assert found.tolist() == [0.0, 28.0, 12.0, left, left, 28.0, left]
+    assert resting_kpa(4.0, 0.5, 1.0, vented) == left
     slow = DRIVES["drive_backlash"](
-        np.repeat(jerky(), CELL), parameters("drive_backlash", vented=1.0)
+        np.repeat(jerky(), CELL), parameters("drive_backlash", vented=vented)
     )
-    found = pressure(jerky(), vector("drive_backlash", vented=1.0))
+    found = pressure(jerky(), vector("drive_backlash", vented=vented))
     np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)
 
 

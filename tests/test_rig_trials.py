@@ -368,6 +368,25 @@ def test_logs_without_pressure_need_no_pressure_sensor(tmp_path: Path) -> None:
     assert data.trials[0].angle_deg.max() > 5.0
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("bits=10", "bits=12"), "adc_max 4095, but that of the calibration 1023"),
+        (("vref_mv=5000", "vref_mv=3300"), "vref_mv 3300, but that of the calibration 5000"),
+    ],
+)
+def test_without_a_pressure_sensor_the_calibration_says_which_converter_it_was(
+    tmp_path: Path, change: tuple[str, str], message: str
+) -> None:
+    document = naive_rig.description()
+    document.pop("pressure_sensor")
+    banner = naive_rig.BANNER.replace(*change)
+    files = {f"step_20/trial_0{k}.log": naive_rig.log_without_pressure(k, banner) for k in (1, 2)}
+    folder = naive_rig.write_campaign(tmp_path / "small", document, files)
+    with pytest.raises(BadInput, match=message):
+        read(folder)
+
+
 def test_counts_of_a_pressure_need_its_sensor(tmp_path: Path) -> None:
     document = naive_rig.description()
     document.pop("pressure_sensor")

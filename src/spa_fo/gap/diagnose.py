@@ -20,14 +20,15 @@ from spa_fo.gap.claim.against_laws import against_laws, alone_if_rare
 from spa_fo.gap.claim.claimed import (
     CLEARLY,
     Claim,
+    cause_of_too_large,
     claim,
     exact,
     held_to,
     model_of,
     on_all_trials,
     times_expected,
+    too_large_for_none,
     too_small_for_any,
-    without_none,
 )
 from spa_fo.gap.claim.expected import (
     beyond_expected,
@@ -227,12 +228,14 @@ def _answered(
     examined, claimed = _examined(data, plain, excluded, rng, progress, beyond)
     verdict = held_to(examined.verdict, claimed)
     if beyond is None:
+        too_large = times_expected(examined, claimed.curves["plain"]) > CLEARLY
+        if too_large:
+            verdict = cause_of_too_large(verdict, claimed)
         progress("weighing laws that have no name against it")
         verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed)
-        too_large = times_expected(examined, claimed.curves["plain"]) > CLEARLY
-        if too_large or not examined.found.bench.noise.is_ordinary:
-            verdict = without_none(verdict, claimed)
-        if examined.found.bench.noise.spectrum.repeats:
+        if not examined.found.bench.noise.is_ordinary:
+            verdict = too_large_for_none(verdict)
+        if examined.found.bench.noise.spectrum.repeats and not too_large:
             # By how much a set lets repeats differ is no floor.
             explained = noise_floor(examined.everything, claimed.curves["explained"])
             floor_deg = min(examined.floor_deg, explained)

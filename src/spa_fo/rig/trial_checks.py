@@ -16,15 +16,23 @@ from spa_fo.rig.campaign import (
 from spa_fo.rig.protocol_check import odd_level
 from spa_fo.rig.spa_rig_log import SpaRigLog
 from spa_fo.rig.trial import Trial
+from spa_fo.rig.wire import Banner
 
 Floats = npt.NDArray[np.float64]
 _ONE_LEVEL = ("step", "step_release", "hold")
 
 
-def check_banner(campaign: Campaign, path: Path, log: SpaRigLog) -> None:
-    """Refuse a log whose banner and campaign.yaml disagree about the converter."""
+def check_banner(
+    campaign: Campaign, path: Path, log: SpaRigLog, calibration: Banner | None = None
+) -> None:
+    """Refuse a log whose banner and campaign.yaml disagree about the converter.
+
+    Without a pressure sensor it is that of the earliest calibration that says which one it was.
+    """
     sensor = campaign.pressure_sensor
     if sensor is None:
+        if calibration is not None:
+            _same_converter(path, log.banner, calibration)
         return
     for key, said, found in (
         ("vref_mv", sensor.vref_mv, log.banner.vref_mv),
@@ -35,6 +43,17 @@ def check_banner(campaign: Campaign, path: Path, log: SpaRigLog) -> None:
                 path,
                 f"its banner means {key} {found:g}, but {campaign.yaml.name} says "
                 f"pressure_sensor.{key} {said:g}",
+                "line 1",
+            )
+
+
+def _same_converter(path: Path, own: Banner, calibration: Banner) -> None:
+    for key in ("vref_mv", "adc_max"):
+        found, said = getattr(own, key), getattr(calibration, key)
+        if found != said:
+            raise BadInput(
+                path,
+                f"its banner means {key} {found:g}, but that of the calibration {said:g}",
                 "line 1",
             )
 

@@ -27,6 +27,7 @@ from spa_fo.rig.spa_rig_log import read_spa_rig_log
 from spa_fo.rig.stuck import stuck
 from spa_fo.rig.trial import Trial
 from spa_fo.rig.trial_checks import check_banner, check_levels, overlaps
+from spa_fo.rig.wire import Banner
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -123,8 +124,10 @@ def read_trials(
     """
     reports: list[FileReport] = []
     calibrations = []
+    converter: Banner | None = None
     for item in campaign.calibration:
-        calibration, report = _read_calibration(campaign, item)
+        calibration, report, banner = _read_calibration(campaign, item)
+        converter = converter or banner
         calibrations.append(calibration)
         reports.append(report)
     curve = calibrations[0] if calibrations else None
@@ -132,7 +135,7 @@ def read_trials(
     logs: list[_Samples] = []
     lies: dict[str, str] = {}  # by experiment
     for experiment, _, file in campaign.trial_files():
-        samples = _plausible(_read_samples(campaign, file), campaign)
+        samples = _plausible(_read_samples(campaign, file, converter), campaign)
         if curve is not None:
             samples = _within(curve, samples, file, warnings)
         lie = _contradicted(campaign, experiment, samples)
@@ -171,7 +174,10 @@ def earliest_calibration(campaign: Campaign) -> Calibration | None:
     return None if first is None else _read_calibration(campaign, first)[0]
 
 
-def _read_calibration(campaign: Campaign, item: CalibrationFile) -> tuple[Calibration, FileReport]:
+def _read_calibration(
+    campaign: Campaign, item: CalibrationFile
+) -> tuple[Calibration, FileReport, Banner | None]:
+    banner = None
     if campaign.log.format == "csv" and not _is_spa_rig(item.path):
         columns = campaign.log.columns or {}
         if "angle" not in columns or "flex_adc" not in columns:
@@ -195,10 +201,11 @@ def _read_calibration(campaign: Campaign, item: CalibrationFile) -> tuple[Calibr
                 "line 1",
             )
         check_banner(campaign, item.path, log)
+        banner = log.banner
         t_s, known, counts = log.t_s, log.columns["angle_deg"], log.columns["flex_adc"]
         report = log.report
     curve = calibrate(t_s, known, counts, item.file, item.started_s, str(item.path))
-    return curve, dataclasses.replace(report, notes=report.notes + curve.notes)
+    return curve, dataclasses.replace(report, notes=report.notes + curve.notes), banner
 
 
 def _is_spa_rig(path: Path) -> bool:
@@ -206,7 +213,7 @@ def _is_spa_rig(path: Path) -> bool:
         return stream.read(9) == b"# spa-rig"
 
 
-def _read_samples(campaign: Campaign, file: TrialFile) -> _Samples:
+def _read_samples(campaign: Campaign, file: TrialFile, converter: Banner | None) -> _Samples:
     if campaign.log.format == "csv":
         return _csv_samples(campaign, file)
     log = read_spa_rig_log(file.path, file.file)
@@ -218,7 +225,7 @@ def _read_samples(campaign: Campaign, file: TrialFile) -> _Samples:
             f"{','.join(log.banner.columns)}; expected seq,t_us,cmd_kpa,p_adc,flex_adc",
             "line 1",
         )
-    check_banner(campaign, file.path, log)
+    check_banner(campaign, file.path, log, converter)
     pressure = None
     if "p_adc" in columns:
         if campaign.pressure_sensor is None:

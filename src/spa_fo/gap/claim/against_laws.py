@@ -62,7 +62,7 @@ def _laws(first: Scored, examined: Examined) -> float:
     # What goes with the trials' order may be their scatter: it is weighed as a trend. At the place
     # of a single effect a law is that effect, in another form; also beside a shift of parameters,
     # which are as free beside a law.
-    alone = [name for name in named if LIBRARY[name].port != "coefficients"]
+    alone = [effect for effect in named if LIBRARY[effect].port != "coefficients"]
     own = LIBRARY[alone[0]].place if len(alone) == 1 else ""
     laws = [fit for fit in fits if fit.basis.place not in (*ORDERED, own)]
     if not laws:

@@ -230,23 +230,33 @@ def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdic
     return replace(again, sets=tuple(parts))
 
 
-def without_none(verdict: Verdict, claimed: Claim) -> Verdict:
-    """Answer with what is left where a gap is larger than all that is expected, but none stood.
+def cause_of_too_large(verdict: Verdict, claimed: Claim) -> Verdict:
+    """Take no gap out of an answer, where a gap is larger than all that is expected.
 
-    Sets that close enough of it are a cause where they are more probable than the rest; else the
-    cause is unknown.
+    Sets that close enough of it on held-out trials share with an unknown cause what is left by how
+    probable they were; what closes too little goes to the unknown one.
     """
     if verdict.kind != "no_gap":
         return verdict
     closed = claimed.closed
-    sets = [s for s in verdict.scored if s.named and closed.get(s.named, 0.0) >= SETTINGS.worth]
-    sets = [s for s in sets if claimed.closes(s.named)]
-    likely = sum(s.probability for s in sets)
-    others = 1.0 - verdict.none - likely  # an unknown cause, and what closes too little
-    if likely <= others:
-        return too_large_for_none(verdict, claimed)
-    scored = [replace(s, probability=s.probability / (likely + others)) for s in sets]
-    return judge(scored, others / (likely + others), verdict.unknown_drive)
+    stands = {
+        s.named
+        for s in verdict.scored
+        if s.named and closed.get(s.named, 0.0) >= SETTINGS.worth and claimed.closes(s.named)
+    }
+    likely = sum(s.probability for s in verdict.scored if s.named in stands)
+    lost = sum(s.probability for s in verdict.scored if s.named and s.named not in stands)
+    unknown = verdict.unknown + lost
+    if not stands or likely + unknown <= 0.0:
+        likely, unknown = 0.0, 1.0
+    total = likely + unknown
+    scored = [
+        replace(s, probability=s.probability / total if s.named in stands else 0.0)
+        for s in verdict.scored
+    ]
+    scored.sort(key=lambda s: -s.probability)
+    again = judge(scored, unknown / total, verdict.unknown_drive)
+    return replace(again, sets=tuple(named for named in again.sets if named in stands))
 
 
 def too_small_for_any(verdict: Verdict, gap_deg: float, floor_deg: float) -> Verdict:

@@ -43,10 +43,13 @@ _RIG_LAG = replace(_LAG, spread=_RIG_LAG_S, high=_RIG_LAG_S, starts=(0.0,))
 """Of a spa-rig log, whose sensor has a bandwidth of more than 100 Hz by its format."""
 
 
-def blur(evidence: Evidence, at: Integers) -> Floats:
-    """Change of command and pressure within one row about some cells, kPa."""
-    ends = [_beside(cells, at, _reach(evidence)) for cells in _signals(evidence)]
-    return np.asarray(sum(np.abs(after - before) for before, after in ends))
+def blur(evidence: Evidence) -> tuple[Floats, Floats]:
+    """Change of command and pressure within one row about each cell, kPa: signed, and its size."""
+    ends = [
+        _beside(cells, np.arange(cells.size), row_cells(evidence)) for cells in _signals(evidence)
+    ]
+    changes = np.array([after - before for before, after in ends])
+    return changes.sum(axis=0), np.abs(changes).sum(axis=0)
 
 
 def timing_error(evidence: Evidence) -> Floats:
@@ -55,7 +58,7 @@ def timing_error(evidence: Evidence) -> Floats:
     A ramp is known but for when in its cell it is read; of a jump a row may see any part, and so
     may the rows beside it.
     """
-    grid, reach = evidence.grid, _reach(evidence)
+    grid, reach = evidence.grid, row_cells(evidence)
     middle = grid.first_cell[grid.sample_step] + grid.cells[grid.sample_step] // 2
     near = np.clip(middle + np.array([[-1], [0], [1]]), 0, int(grid.cell_starts[-1]) - 1)
     squares = np.zeros(middle.size)
@@ -81,7 +84,7 @@ def _interval_s(evidence: Evidence) -> float:
     return float(np.median(np.concatenate([np.diff(t.t_s) for t in evidence.grid.trials])))
 
 
-def _reach(evidence: Evidence) -> int:
+def row_cells(evidence: Evidence) -> int:
     """Cells between two samples."""
     return max(1, round(_interval_s(evidence) / FINEST_STEP_S))
 

@@ -183,7 +183,7 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     chain, trials = angle_chain(evidence, x, None), len(evidence.grid.trials)
     plain, quick = (chain.run(at_rate(x, rate), absent())[0] for rate in (1.0, 1.0 + _RATE_STEP))
     alike = repeats(evidence, evidence.grid.angle_deg, np.ones(trials, dtype=bool))
-    # What saturates shows less of a trial's own gain; what softens does not.
+    # Where readings saturate less of a trial's gain shows: told by what explains repeats better.
     whole, part = np.ones(plain.size), shown_of_gain(plain, evidence.grid.angle_deg)
     quicker = (quick - plain) / _RATE_STEP
     tried = [[_taken_apart(evidence, a, quicker, shown) for a in alike] for shown in (whole, part)]

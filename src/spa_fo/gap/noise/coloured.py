@@ -145,8 +145,8 @@ def contrasts(
     """Take repeated trials, (trials, n), apart into their mean and orthonormal contrasts.
 
     `quicker`, (n,), is what a time scale of its own does to a trial, deg; `which` are these among
-    all trials, (trials, all), where there are others; `shown`, (n,), is how much of a gain of its
-    own shows: all of it by default.
+    all trials, (trials, all), where there are others; `shown`, (n,), is how much shows of a
+    gain or time scale of its own: all of it by default.
     """
     between = helmert(len(angles_deg))
     values, mean = between @ angles_deg, angles_deg.mean(axis=0)

@@ -7,18 +7,18 @@ to the angle, and what the angle makes of it is added to their evidence (`joined
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import SHARES, Bench, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
-from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, timing_error
+from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, row_cells, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.whitening import Rows, Whitening
 from spa_fo.gap.prior import log_prior
@@ -34,6 +34,7 @@ Ids = tuple[str, ...]
 
 _BINNING_KPA = 0.02  # error of averaging a pressure over a step
 _BLUR = 0.5  # of the change of pressure about a cell: when exactly it changed is not known
+_LATE = 0.15  # part of it that all rows have alike
 _ROOM = 2.0  # deviations of the pressure's noise within which the model is believed
 _WINDOWS = (65, 17, 5, 1)  # cells over which the measured pressure is averaged, slow ones first
 _SHARP = 4.0  # times a trial's median noise: rows beyond are about a jump
@@ -215,33 +216,39 @@ def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:
 def _rooms(evidence: Evidence, step_kpa: float) -> list[Floats]:
     """Say by how much means of the measured pressure err, (cells,) for each of `_WINDOWS`, kPa.
 
-    Of a pressure that goes through many steps of its converter these average out.
+    A converter's step averages out where the reading goes through many, noise over the rows. When
+    each was read does in part: some of it is one lateness, which shifts a ramp's means alike.
     """
     grid = evidence.grid
     assert grid.pressure_kpa is not None
-    blurred, pressure = blur(evidence, np.arange(grid.pressure_kpa.size)), grid.pressure_kpa
+    way, change = blur(evidence)
+    moved = np.diff(grid.pressure_kpa, prepend=grid.pressure_kpa[:1]) != 0.0
     rooms = []
     for window in _WINDOWS:
-        high, low, mean = (
-            _windowed(of, values, grid.cell_starts, window)
-            for of, values in (
-                (maximum_filter1d, pressure),
-                (minimum_filter1d, pressure),
-                (uniform_filter1d, blurred),
-            )
-        )
-        steps = np.maximum((high - low) / max(step_kpa, 1e-9), 1.0)
-        other = _ROOM * evidence.pressure_noise_kpa + _BLUR * mean
-        rooms.append(0.5 * step_kpa / steps + other / np.sqrt(window))
+        rows = np.maximum(_counts(grid.cell_starts, window) / row_cells(evidence), 1.0)
+        steps = np.maximum(_means(moved.astype(np.float64), grid.cell_starts, window) * rows, 1.0)
+        blurred = _BLUR * np.sqrt(np.maximum(_means(change**2, grid.cell_starts, window), 0.0))
+        late = _LATE * _BLUR * np.abs(_means(way, grid.cell_starts, window))
+        noise = (_ROOM * evidence.pressure_noise_kpa + blurred) / np.sqrt(rows)
+        rooms.append(0.5 * step_kpa / steps + noise + late)
     return rooms
 
 
-def _windowed(
-    of: Callable[..., Floats], values: Floats, starts: NDArray[np.int64], window: int
-) -> Floats:
-    """Filter what stands on the cells, trial by trial."""
+def _means(values: Floats, starts: NDArray[np.int64], window: int) -> Floats:
+    """Average what stands on the cells over windows about each, within its trial."""
+    sums = _summed(values, starts, window)
+    return sums / _counts(starts, window)
+
+
+def _counts(starts: NDArray[np.int64], window: int) -> Floats:
+    """Say how many cells of its trial are in the window about each."""
+    return _summed(np.ones(int(starts[-1])), starts, window)
+
+
+def _summed(values: Floats, starts: NDArray[np.int64], window: int) -> Floats:
     parts = np.split(values, starts[1:-1])
-    return np.concatenate([of(part, window, mode="nearest") for part in parts])
+    means = [uniform_filter1d(part, window, mode="constant") for part in parts]
+    return window * np.concatenate(means)
 
 
 def _beyond(missed_kpa: Floats, starts: NDArray[np.int64], rooms_kpa: list[Floats]) -> Floats:
@@ -251,7 +258,7 @@ def _beyond(missed_kpa: Floats, starts: NDArray[np.int64], rooms_kpa: list[Float
     """
     shown = np.zeros(missed_kpa.size)
     for window, room in zip(_WINDOWS, rooms_kpa, strict=True):
-        mean = _windowed(uniform_filter1d, missed_kpa - shown, starts, window)
+        mean = _means(missed_kpa - shown, starts, window)
         shown += mean - np.clip(mean, -room, room)
     return shown
 

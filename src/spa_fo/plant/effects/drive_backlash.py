@@ -45,7 +45,7 @@ EFFECT = Effect(
         Parameter(
             *("vented", "1", 0.0, 0.5, 0.0, 1.0),
             starts=(0.0, 1.0),
-            means="part of the pressure that a command of 0 lets out, as a valve that opens there",
+            means="part of the pressure that is let out where the command comes to 0, by a valve",
             is_addition=True,
         ),
     ),
@@ -70,12 +70,13 @@ def follow_with_play(
     """Play operator: the pressure stays between command - width(1 - centre) and + width·centre.
 
     After a reversal, and where a trial's command first moves, it stays for `wait`, s, as well; a
-    command of 0 lets out the part `vented` of it at once.
+    command that comes to 0 lets out the part `vented` of it at once.
     `play` is the position, kPa, and whether there is any; carried on in place. Of it a trial,
     whose first cell is in `starts`, begins with the part `kept`.
     """
     position, cells = play[0], wait / FINEST_STEP_S
     least = _TURNS * np.abs(p).max() if p.size else 0.0
+    idle = True
     for trial in range(starts.size - 1):
         position *= kept
         farthest, way, since = 0.0, 0.0, cells
@@ -91,7 +92,10 @@ def follow_with_play(
             before = position
             if follows > 0.0:
                 position = min(max(position, told - width * (1.0 - centre)), told + width * centre)
-            if abs(told) <= least:
+            if abs(told) > least:
+                idle = False
+            elif not idle:
+                idle = True
                 position, before = (1.0 - vented) * position, (1.0 - vented) * before
             p[i] = before + follows * (position - before)
     play[0] = position
