@@ -246,9 +246,7 @@ def cause_of_too_large(verdict: Verdict, claimed: Claim) -> Verdict:
     }
     likely = sum(s.probability for s in verdict.scored if s.named in stands)
     lost = sum(s.probability for s in verdict.scored if s.named and s.named not in stands)
-    unknown = verdict.unknown + lost
-    if not stands or likely + unknown <= 0.0:
-        likely, unknown = 0.0, 1.0
+    unknown = verdict.unknown + lost if likely else 1.0
     total = likely + unknown
     scored = [
         replace(s, probability=s.probability / total if s.named in stands else 0.0)

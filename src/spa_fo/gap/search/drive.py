@@ -34,7 +34,7 @@ Ids = tuple[str, ...]
 
 _BINNING_KPA = 0.02  # error of averaging a pressure over a step
 _BLUR = 0.5  # of the change of pressure about a cell: when exactly it changed is not known
-_LATE = 0.15  # part of it that all rows have alike
+_LATE = 0.15  # part of it that all rows have alike: assumed, so that a perfect drive has no gap
 _ROOM = 2.0  # deviations of the pressure's noise within which the model is believed
 _WINDOWS = (65, 17, 5, 1)  # cells over which the measured pressure is averaged, slow ones first
 _SHARP = 4.0  # times a trial's median noise: rows beyond are about a jump
