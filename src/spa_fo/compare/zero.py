@@ -14,12 +14,13 @@ from spa_fo.rig.trials import before_first_change
 
 def at_rest_deg(data: CampaignData, plain: Model) -> float:
     """Return what the first commands bend by, at most: a log that begins so has no known zero."""
-    return max(_bent_at_rest(trial, plain) for trial in data.trials) if _zeroed(data) else 0.0
+    zeroed = data.campaign.logs_are_zeroed
+    return max(_bent_at_rest(trial, plain) for trial in data.trials) if zeroed else 0.0
 
 
 def moving_deg(campaigns: Sequence[CampaignData]) -> float:
     """Return how far the angle goes, at most, while the zero of a log is taken."""
-    zeroed = [trial for data in campaigns if _zeroed(data) for trial in data.trials]
+    zeroed = [t for data in campaigns if data.campaign.logs_are_zeroed for t in data.trials]
     return max(map(_moved_before, zeroed), default=0.0)
 
 
@@ -29,11 +30,6 @@ def _bent_at_rest(trial: Trial, plain: Model) -> float:
     assert drive is not None
     share = abs(float(drive[0])) / max(float(np.max(np.abs(drive))), 1e-9)
     return share * float(np.max(np.abs(trial.angle_deg)))
-
-
-def _zeroed(data: CampaignData) -> bool:
-    """Say whether each log's zero is its own mean before the input changes, not the sensor's."""
-    return any(column.rest == "zero" for column in (data.campaign.log.columns or {}).values())
 
 
 def _moved_before(trial: Trial) -> float:

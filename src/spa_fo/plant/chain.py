@@ -250,9 +250,10 @@ class Chain:
         return load / self.reference_kpa
 
     def observed(self, reading: Floats, effects: Floats) -> Floats:
-        """Take the reading at the grid's averaged samples."""
+        """Take the reading at the grid's averaged samples, by each log's own zero if it has one."""
         grid = self.grid
-        return self.logged(reading, effects, grid.sample_step, grid.sample_share, grid.sample_trial)
+        at = grid.sample_step, grid.sample_share, grid.sample_trial
+        return grid.zeroed(self.logged(reading, effects, *at))
 
     def logged(
         self, reading: Floats, effects: Floats, step: Integers, share: Floats, trial: Integers

@@ -153,6 +153,25 @@ class CampaignGrid:
         cells_on = t_s / FINEST_STEP_S - (over - first + 0.5)
         return np.maximum(over - 1, first), over, np.minimum(over + 1, last), cells_on
 
+    def zeroed(self, values: Floats) -> Floats:
+        """Give values at the averaged samples, (n,) or (n, k), each log's own zero taken off."""
+        if self._zero_weights is None:
+            return values
+        starts = np.flatnonzero(np.diff(self.sample_trial, prepend=-1))
+        zeros = np.add.reduceat((self._zero_weights * values.T).T, starts, axis=0)
+        size = np.diff(starts, append=self.sample_trial.size)
+        return np.asarray(values - np.repeat(zeros, size, axis=0))
+
+    @cached_property
+    def _zero_weights(self) -> Floats | None:
+        """How much each averaged sample counts for its log's zero; None where no log has one."""
+        if not any(trial.zero_until_s > 0.0 for trial in self.trials):
+            return None
+        rows = [t.t_s[~t.after_reset] < t.zero_until_s for t in self.trials]
+        weights = np.add.reduceat(np.concatenate(rows).astype(np.float64), self.row_starts)
+        total = np.bincount(self.sample_trial, weights, minlength=len(self.trials))
+        return np.asarray(weights / np.maximum(total, 1.0)[self.sample_trial])
+
     def averaged(self, rows: Floats) -> Floats:
         """Average what stands at the rows of all trials, those after a reset left out."""
         return np.asarray(np.add.reduceat(rows, self.row_starts) / self.counts)

@@ -102,6 +102,18 @@ class Campaign:
         return self.log.columns is None or bool(ANGLES & self.log.columns.keys())
 
     @property
+    def output(self) -> str:
+        """Which column of its logs, if it has columns, the angle comes from."""
+        has_flex = "flex_adc" in (self.log.columns or {})
+        return "flex_adc" if has_flex and self.calibration else "angle"
+
+    @property
+    def logs_are_zeroed(self) -> bool:
+        """Whether each log's zero is its own mean before its input changes, not the sensor's."""
+        column = (self.log.columns or {}).get(self.output)
+        return column is not None and column.rest == "zero"
+
+    @property
     def command_is_pressure(self) -> bool:
         """Whether the command stands for a pressure.
 

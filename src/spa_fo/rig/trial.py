@@ -22,7 +22,8 @@ class Trial:
     `started_s` campaign time; `t_s` runs from the trial's first sample. Gauge pressures in kPa,
     None where the log holds none; angles in degrees; `flex_adc` None where the log holds angles.
     `after_reset` marks samples whose time is an estimate, `outside_calibration` those whose flex
-    count lies beyond the calibrated range.
+    count lies beyond the calibrated range. Where `zero_until_s` is above 0, each log has a zero of
+    its own: what the reading was on average before that time, s.
     """
 
     experiment: str
@@ -38,6 +39,7 @@ class Trial:
     angle_deg: Floats
     after_reset: Bools
     outside_calibration: Bools
+    zero_until_s: float = 0.0
 
     @property
     def label(self) -> str:

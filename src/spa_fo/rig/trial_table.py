@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from spa_fo import atomic
 from spa_fo.errors import BadInput
 from spa_fo.rig.campaign import Campaign, Experiment, TrialFile
 from spa_fo.rig.trial import Trial
+from spa_fo.rig.trials import zero_until
 
 Floats = npt.NDArray[np.float64]
 
@@ -80,7 +82,8 @@ def load_trials(path: Path | str, campaign: Campaign) -> tuple[Trial, ...]:
         group = groups.pop((experiment.name, str(number)), None)
         if group is None:
             raise BadInput(path, f"lacks {experiment.name} trial {number} of {campaign.name}")
-        trials.append(_from_rows(path, group, experiment, number, file))
+        zeroed = campaign.logs_are_zeroed
+        trials.append(_from_rows(path, group, experiment, number, file, zeroed))
     if groups:
         name, place = next(iter(groups))
         raise BadInput(path, f"holds {name} trial {place}, which {campaign.name} does not name")
@@ -88,7 +91,12 @@ def load_trials(path: Path | str, campaign: Campaign) -> tuple[Trial, ...]:
 
 
 def _from_rows(
-    path: Path, rows: list[list[str]], experiment: Experiment, number: int, file: TrialFile
+    path: Path,
+    rows: list[list[str]],
+    experiment: Experiment,
+    number: int,
+    file: TrialFile,
+    zeroed: bool,
 ) -> Trial:
     columns = dict(zip(TABLE_COLUMNS, zip(*rows, strict=True), strict=True))
     try:
@@ -106,7 +114,7 @@ def _from_rows(
         if array is None:
             raise BadInput(path, f"{experiment.name} trial {number}: {name} is empty")
         required[name] = array
-    return Trial(
+    trial = Trial(
         experiment=experiment.name,
         trial=number,
         protocol=experiment.protocol,
@@ -121,6 +129,7 @@ def _from_rows(
         after_reset=required["after_reset"] != 0,
         outside_calibration=required["outside_calibration"] != 0,
     )
+    return replace(trial, zero_until_s=zero_until(trial)) if zeroed else trial
 
 
 def _texts(values: Floats | None, size: int) -> list[str]:

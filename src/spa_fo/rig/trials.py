@@ -247,8 +247,7 @@ def _read_samples(campaign: Campaign, file: TrialFile, converter: Banner | None)
 
 
 def _csv_samples(campaign: Campaign, file: TrialFile) -> _Samples:
-    columns = campaign.log.columns or {}
-    output = "flex_adc" if "flex_adc" in columns and campaign.calibration else "angle"
+    columns, output = campaign.log.columns or {}, campaign.output
     roles = [role for role in ("command", "pressure", output) if role in columns]
     table = read_csv_log(file.path, campaign.log, roles, file.file)
     return _Samples(
@@ -259,7 +258,7 @@ def _csv_samples(campaign: Campaign, file: TrialFile) -> _Samples:
         table.columns.get("angle") if campaign.has_angle else np.zeros(table.t_s.shape),
         np.zeros(table.t_s.shape, dtype=np.bool_),
         table.line,
-        columns[output].rest if output in columns else "keep",
+        "zero" if campaign.logs_are_zeroed else "keep",
         table.report,
     )
 
@@ -333,10 +332,11 @@ def _to_trial(
         outside = np.zeros(angle.shape, dtype=np.bool_)
     else:
         raise BadInput(file.path, "holds flex counts, but campaign.yaml names no calibration")
-    notes = samples.report.notes
+    notes, until_s = samples.report.notes, 0.0
     if samples.rest == "zero":
         before = before_first_change(samples)
         angle = angle - angle[:before].mean()
+        until_s = zero_until(samples)
         if before == angle.size:
             notes += ("its input never changes: its zero is the mean of the whole log",)
         elif before < 5:
@@ -358,6 +358,7 @@ def _to_trial(
         angle_deg=angle,
         after_reset=samples.after_reset,
         outside_calibration=outside,
+        zero_until_s=until_s,
     )
     return trial, report
 
@@ -397,3 +398,10 @@ def before_first_change(samples: _Samples | Trial) -> int:
         return int(samples.t_s.size)
     moved = np.abs(signal - signal[0]) > threshold * np.ptp(signal)
     return int(np.argmax(moved)) if moved.any() else int(signal.size)
+
+
+def zero_until(samples: _Samples | Trial) -> float:
+    """Time in a log, s, before which the samples stand that `before_first_change` counts."""
+    since_s = samples.t_s - samples.t_s[0]
+    before = before_first_change(samples)
+    return float(since_s[before]) if before < since_s.size else float(np.inf)

@@ -280,7 +280,8 @@ class AngleProblem(Explained):
                 first = grid.step_starts[trial]
                 steps = slice(first, first + grid.trial_steps[trial])
                 reading[steps] = half_loop(angle[steps].copy(), *own)
-            here[np.arange(k.size), self.after[k]] = self.rows.merged(reading[grid.sample_step])
+            sampled = self.rows.merged(grid.zeroed(reading[grid.sample_step]))
+            here[np.arange(k.size), self.after[k]] = sampled
         return out.reshape(self.rows.size, -1)
 
     def _of_reading(self, angle_deg: Floats) -> Floats:

@@ -245,7 +245,8 @@ def _to_try(bench: Bench, excluded: Sequence[str]) -> tuple[list[str], list[str]
     for name in LIBRARY:
         effect = LIBRARY[name]
         known = effect.stage == "drive" and bench.chain.is_pressure
-        if name in excluded or known or effect.port == "line":
+        taken_off = effect.port == "zeros" and bench.evidence.data.campaign.logs_are_zeroed
+        if name in excluded or known or taken_off or effect.port == "line":
             continue
         if effect.port == "chain":
             chained.append(name)
