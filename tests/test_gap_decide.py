@@ -419,3 +419,18 @@ def test_what_is_left_elsewhere_is_an_effect_more_beside_a_set(what):
         assert unknown_by(ids)[-1] == pytest.approx(expected)
         # Too small to be a gap it says nothing.
         assert unknown_by(ids, 0.9 * SETTINGS.no_gap * FLOOR_DEG).size == len(SHARES)
+
+
+@pytest.mark.parametrize(("behind", "counts"), [(0.9 * weigh.WORTH_WEIGHING, True), (80.0, False)])
+def test_dwells_say_nothing_beside_what_is_far_behind(behind: float, counts: bool) -> None:
+    """A poor fit bends the curve to its misfit, which dwells then show alike."""
+    near, far = fit(("creep",), 2.0, {"creep": 2.0}), fit(("leak",), 2.0, {"leak": 2.0})
+    far.logs = near.logs - behind
+    far.fixture_nats, far.fixture_deg = 1600.0, FLOOR_DEG
+    evidence = SimpleNamespace(grid=SimpleNamespace(counts=np.ones(10)))
+    noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=5))
+    bench = SimpleNamespace(evidence=evidence, gap_deg=GAP_DEG, noise=noise)
+    fits = {f.ids: f for f in (near, far, fit((), 0.0, {}))}
+    parts = weigh._of_angle(SimpleNamespace(fits=fits, bench=bench, excluded=()), FLOOR_DEG)
+    (of_far,) = [p for p in parts if p.fit.ids == far.ids]
+    assert (of_far.unknown.size > len(SHARES)) is counts

@@ -15,6 +15,7 @@ from spa_fo.gap.claim.claimed import (
     Claim,
     cause_of_too_large,
     held_to,
+    is_too_large,
     times_expected,
     too_large_for_none,
     too_small_for_any,
@@ -33,6 +34,7 @@ from spa_fo.gap.claim.expected import (
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.diagnose import _alone_does
 from spa_fo.gap.diagnosis import LawFound, Shrink
+from spa_fo.gap.fit.bench import level_spread
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.coloured import Scatter, Spectrum
 from spa_fo.gap.noise.dwell_error import DwellError
@@ -346,6 +348,17 @@ def test_what_is_expected_is_noise_the_fixture_s_error_and_the_model_s() -> None
     both = times_expected(examined(4, response, object()), plain_deg)
     assert both == pytest.approx(1.0 / np.hypot(0.5, 1.2))
     assert times_expected(examined(0), plain_deg) == 1.0
+
+
+@pytest.mark.parametrize("repeats", [1, 3, 16])
+def test_a_gap_is_too_large_by_as_much_as_repeats_leave_the_noise_unsure(
+    repeats: int,
+) -> None:
+    bound = min(CLEARLY, float(np.exp(2.3263 * level_spread(repeats))))  # 99 % of a normal one
+    for times, expected in ((0.99 * bound, False), (1.01 * bound, True)):
+        plain_deg = np.full(50, 10.0 - 0.3 * times)
+        assert is_too_large(examined(repeats), plain_deg) is expected
+    assert not is_too_large(examined(0), np.zeros(50))
 
 
 def test_all_trials_say_how_large_a_change_is_each_as_far_as_it_was_foretold() -> None:

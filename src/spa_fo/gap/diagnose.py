@@ -18,15 +18,14 @@ from spa_fo.gap.answer.findings import drive_finding, findings, misses, offers
 from spa_fo.gap.answer.locate import shares
 from spa_fo.gap.claim.against_laws import against_laws, alone_if_rare
 from spa_fo.gap.claim.claimed import (
-    CLEARLY,
     Claim,
     cause_of_too_large,
     claim,
     exact,
     held_to,
+    is_too_large,
     model_of,
     on_all_trials,
-    times_expected,
     too_large_for_none,
     too_small_for_any,
 )
@@ -228,7 +227,7 @@ def _answered(
     examined, claimed = _examined(data, plain, excluded, rng, progress, beyond)
     verdict = held_to(examined.verdict, claimed)
     if beyond is None:
-        too_large = times_expected(examined, claimed.curves["plain"]) > CLEARLY
+        too_large = is_too_large(examined, claimed.curves["plain"])
         if too_large:
             verdict = cause_of_too_large(verdict, claimed)
         progress("weighing laws that have no name against it")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -23,7 +24,7 @@ from spa_fo.gap.decide.explanation import (
 )
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.diagnosis import LawFound, Shrink
-from spa_fo.gap.fit.bench import DWELL, Bench
+from spa_fo.gap.fit.bench import DWELL, Bench, level_spread
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import fit, without_others
@@ -39,6 +40,7 @@ Ids = tuple[str, ...]
 
 CLEARLY = 3.0
 """Times what is expected, or what a reference says of the pressure: something is wrong."""
+_RARELY = 0.99  # of benches are no noisier than that. Assumed.
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
 _LEAST_SHOWN = 0.1  # of the squared error: trials that show less of a gap still judge
@@ -284,6 +286,18 @@ def too_small_for_any(verdict: Verdict, gap_deg: float, floor_deg: float) -> Ver
 def _beyond_floor(name: str) -> bool:
     """Whether an effect shows though the angle differs by no more than in repeats."""
     return LIBRARY[name].stage == "drive" or LIBRARY[name].port in ("zeros", "line")
+
+
+def is_too_large(examined: Examined, plain_deg: Floats) -> bool:
+    """Say whether the whole gap is larger than any that no effect would make.
+
+    By how much noise may be more than estimated goes with the repeats.
+    """
+    repeats = examined.found.bench.noise.spectrum.repeats
+    if not repeats:
+        return False
+    most = math.exp(float(norm.ppf(_RARELY)) * level_spread(repeats))
+    return times_expected(examined, plain_deg) > min(CLEARLY, most)
 
 
 def times_expected(examined: Examined, plain_deg: Floats) -> float:

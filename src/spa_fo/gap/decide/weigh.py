@@ -158,6 +158,9 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
     s, bench = SETTINGS, found.bench
     repeats, weight = bench.noise.spectrum.repeats > 0, bench.evidence.grid.counts
     parts: list[_Part | None] = []
+    known = [f for f in found.fits.values() if np.isfinite(f.logs).all()]
+    known = [f for f in known if not set(f.ids) & set(found.excluded)]
+    worth_it = max(float(f.logs.max()) - price(f) for f in known) - WORTH_WEIGHING
 
     def apart(one: Fitted, other: Ids) -> float:
         if other not in found.fits or at_port("line", one.ids) != at_port("line", other):
@@ -180,8 +183,12 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg
         part = _part(f, logs, f.moved_deg, own, worth, *sizes, repeats)
         # What goes with the trials' order, or dwells of a calibration show alike, is structure that
-        # is left, too: an unknown effect beside a set.
-        for nats, size_deg in (f.trend_nats, f.trend_deg), (f.fixture_nats, f.fixture_deg):
+        # is left, too: an unknown effect beside a set. Where a set is far behind, dwells show what
+        # the curve takes of its misfit.
+        structure = [(f.trend_nats, f.trend_deg)]
+        if logs.max() > worth_it:
+            structure.append((f.fixture_nats, f.fixture_deg))
+        for nats, size_deg in structure:
             if part is None or size_deg <= s.no_gap * floor_deg:
                 continue
             beside = s.temper * (float(logs.max()) + nats) + _with_one_more(part.priced)

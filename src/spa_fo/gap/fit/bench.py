@@ -209,7 +209,11 @@ def level_prior(bench: Bench, level: float) -> float:
     repeats = bench.noise.spectrum.repeats
     if (bench.noise.compared or repeats > 1) and level > _MOST_LEVEL:
         return -np.inf
-    spread = SETTINGS.level_alone
-    if repeats:
-        spread = SETTINGS.level_repeated / float(np.sqrt(repeats)) + 0.15
-    return -0.5 * float(np.log(level) / spread) ** 2
+    return -0.5 * float(np.log(level) / level_spread(repeats)) ** 2
+
+
+def level_spread(repeats: int) -> float:
+    """By how much the noise is more or less than estimated: 1 sigma of its logarithm."""
+    if not repeats:
+        return SETTINGS.level_alone
+    return SETTINGS.level_repeated / float(np.sqrt(repeats)) + 0.15
