@@ -133,6 +133,20 @@ def test_the_moment_at_which_a_sensor_comes_off_is_found(
     assert found_deg == pytest.approx(level_deg, abs=0.5)
 
 
+def test_a_weight_that_only_bends_the_vented_actuator_is_seen(clean: CampaignData) -> None:
+    """What its search begins with has no such part: each part of a sum is weighed by itself."""
+    hung = [replace(trial, angle_deg=trial.angle_deg + 2.0) for trial in clean.trials]
+    bench = bench_of(replace(clean, trials=tuple(hung)))
+    plain = fit(bench, (), bench.starts)
+    (one,) = screen(bench, plain, ["gravity_load"])
+    assert one.gain > 2.0
+    assert one.z[-1] > 0.0
+    found = fit(bench, ("gravity_load",), [one.z], plain)
+    assert np.degrees(found.effects[LIBRARY["gravity_load"].slots][-1]) == pytest.approx(
+        2.0, abs=0.3
+    )
+
+
 def test_every_fit_that_is_ranked_is_searched_to_the_end(lagged: Explanations) -> None:
     ranked = {ids: f for ids, f in lagged.fits.items() if np.isfinite(f.logs).all()}
     assert len(ranked) > 1

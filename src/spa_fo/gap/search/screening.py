@@ -165,7 +165,8 @@ def _ways(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Say in which ways an effect with parameters `own` shows: by how they are, or by each size.
 
-    Of what begins at a moment the sizes are as good as free: what it moves goes with them.
+    Of what begins at a moment the sizes are as good as free: what it moves goes with them. So are
+    those of a sum.
 
     Returns
     -------
@@ -178,7 +179,7 @@ def _ways(
     """
     each = [slot.parameter for slot in slots]
     sizes = [k for k, p in enumerate(each) if not (p.log or p.is_moment)]
-    if effect.moment is None or len(sizes) < 2:
+    if (effect.moment is None and not effect.is_sum) or len(sizes) < 2:
         least = -_FARTHEST if each[0].low < 0.0 else 0.0
         return own, own[None], np.array([least]), np.array([_FARTHEST])
     none = own.copy()

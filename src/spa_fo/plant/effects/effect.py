@@ -179,6 +179,9 @@ class Effect:
     half_loop : callable, optional
         Of a loop of the reading whose branch nobody knows when a trial begins: half of what the two
         branches differ by, (n,), over the angles that follow, (n,), and the parameters.
+    is_sum : bool
+        Whether it is the sum of what each of its parameters makes by itself: any of them may be all
+        that shows.
     sees_angle : bool
         Whether `act` on an actuator is given the angle too: then the load that fits the angle is
         searched, which takes several simulations for one.
@@ -209,6 +212,7 @@ class Effect:
     coefficients: Mapping[str, str] = field(default_factory=dict)
     act: Callable[..., Any] | None = None
     half_loop: Callable[..., Any] | None = None
+    is_sum: bool = False
     sees_angle: bool = True
     odds: float = 1.0
     source: Path | str = "library"

@@ -11,6 +11,7 @@ EFFECT = Effect(
     id="gravity_load",
     stage="actuator",
     place="moment",
+    is_sum=True,
     parameters=(
         amplitude(
             "along_rest",
