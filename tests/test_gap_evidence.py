@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import campaigns
-from spa_fo.gap.data.evidence import collect
+from spa_fo.gap.data.evidence import collect, noise_floor, repeats
+from spa_fo.gap.noise.bench_noise import bench_noise
 from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
 
 BEGIN_S, END_S = 0.7, 1.3  # of a gap in which the command rises
@@ -79,3 +80,55 @@ def test_a_wave_is_where_it_was_and_where_it_is_after_a_gap(
     variance = np.interp(time, before.grid.time_s[whole], before.variance[whole])
     later = time > 6.0
     assert np.median(evidence.variance[rows][later] / variance[later]) < 1.2
+
+
+# --- trials that begin sooner or later ------------------------------------------------------------
+
+GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
+
+
+def resting(trial: Trial, seconds: float) -> Trial:
+    """Let a trial's log begin sooner: the actuator rests for so much longer before it is driven."""
+    every_s = float(np.median(np.diff(trial.t_s)))
+    rows = round(seconds / every_s)
+    rng = np.random.default_rng(trial.order)
+    noise = rng.normal(0.0, campaigns.NOISE_DEG, rows)
+    arrays = {
+        "t_s": np.concatenate([every_s * np.arange(rows), trial.t_s + rows * every_s]),
+        "angle_deg": np.concatenate([noise, trial.angle_deg]),
+    }
+    for name in ("command_kpa", "after_reset", "outside_calibration"):
+        values = getattr(trial, name)
+        arrays[name] = np.concatenate([np.full(rows, values[0]), values])
+    return replace(trial, **arrays)
+
+
+@pytest.mark.parametrize("seconds", [0.2, 0.52, 1.4])
+def test_repeats_are_held_together_from_where_each_is_driven(
+    clean: CampaignData, seconds: float
+) -> None:
+    late = {2: seconds, 4: 0.5 * seconds}  # by order: of either experiment one
+    trials = [resting(t, late[t.order]) if t.order in late else t for t in clean.trials]
+    evidence, before = collect(replace(clean, trials=tuple(trials))), collect(clean)
+    np.testing.assert_array_equal(evidence.alike, before.alike)
+    # An experiment's first trial is no later than itself.
+    expected = [0.0, 0.0, 0.0, 0.0]
+    for i, trial in enumerate(evidence.grid.trials):
+        begun = {t.order: late.get(t.order, 0.0) for t in evidence.grid.trials}
+        expected[i] = begun[trial.order] - begun[evidence.grid.trials[evidence.alike[i]].order]
+    np.testing.assert_allclose(evidence.late_s, expected, atol=0.021)
+    assert noise_floor(evidence) == pytest.approx(noise_floor(before), rel=0.1)
+    own, usual = bench_noise(evidence, GIVEN), bench_noise(before, GIVEN)
+    assert own.spectrum.repeats == usual.spectrum.repeats == 2
+    assert own.scatter.time_scale < 0.02
+    assert own.spectrum.deviation_deg == pytest.approx(usual.spectrum.deviation_deg, rel=0.15)
+    (one, _) = repeats(evidence, evidence.grid.time_s, np.ones(4, dtype=bool))
+    moved = np.nanmedian(one.values[1] - one.values[0])
+    assert moved == pytest.approx(evidence.late_s[one.trials[1]], abs=0.05)
+
+
+def test_a_row_more_or_less_is_no_later_begin(clean: CampaignData) -> None:
+    first, *others = clean.trials
+    evidence = collect(replace(clean, trials=(resting(first, 0.04), *others)))
+    np.testing.assert_array_equal(evidence.late_s, 0.0)
+    np.testing.assert_array_equal(evidence.alike, collect(clean).alike)

@@ -39,11 +39,13 @@ def steps(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
 def repeated(values: np.ndarray, noise_deg: float, groups: list[int] | None = None) -> Any:
     """Evidence of trials (rows of `values`), all of one experiment unless `groups` says else."""
     trials, samples = values.shape
+    time_s = np.tile(np.arange(float(samples)), trials)
     return SimpleNamespace(
+        course_s=time_s,
         grid=SimpleNamespace(
             angle_deg=values.ravel(),
             trials=[None] * trials,
-            time_s=np.tile(np.arange(float(samples)), trials),
+            time_s=time_s,
             counts=np.ones(values.size),
         ),
         noise_deg=noise_deg,

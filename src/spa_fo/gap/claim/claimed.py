@@ -181,7 +181,7 @@ def _identified_again(found: Explanations) -> Floats:
 
 def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
     """Give what repeats in the fitted trials beyond a curve, at all samples, deg: no physics."""
-    grid = everything.grid
+    grid, times = everything.grid, everything.course_s
     left = grid.angle_deg - curve
     out = np.zeros_like(left)
     for repeated in repeats(everything, left, ~held.trials):
@@ -189,7 +189,7 @@ def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
         first = grid.sample_trial[repeated.rows[0]]
         for trial in np.flatnonzero(everything.alike == everything.alike[first]):
             rows = everything.rows[trial]
-            out[rows] = np.interp(grid.time_s[rows], grid.time_s[repeated.rows], mean)
+            out[rows] = np.interp(times[rows], times[repeated.rows], mean)
     return out
 
 

@@ -16,7 +16,7 @@ from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, Reach
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SPLINES
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
-from spa_fo.plant.memory import STEPS_S
+from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S
 from spa_fo.plant.stages import true_pressure
 from spa_fo.rig import Calibration, CampaignData, Trial
 
@@ -29,6 +29,8 @@ _TIMING_S = 0.003  # error of one sample's time
 # Times the usual time between samples, and times a ramp; of the range of the command; samples that
 # say how it slopes. Assumed.
 A_GAP, _CHANGES, _SLOPE = 3.0, 0.02, 11
+# Of a measured pressure's range, by which it has moved; what a delay of a trial's own tells, s.
+_MOVED, _AT_ONCE_S = 0.05, 0.05
 _RATE_OVER_S = 0.12
 _CURVE_FLOOR_DEG = 0.08
 _NEAR_S = 0.4
@@ -46,6 +48,7 @@ class Evidence:
     grid: CampaignGrid
     rows: list[Integers]  # by trial, its averaged samples
     alike: Integers  # (trials,): number of the first trial of the same experiment and command
+    late_s: Floats  # (trials,): by how much later than that one its command begins
     takes_part: NDArray[np.bool_]  # (trials,): explanations are fitted by these, others held out
     noise_deg: float  # white noise of one sample's angle
     pressure_noise_kpa: float  # the same of its pressure; NaN without
@@ -79,6 +82,11 @@ class Evidence:
             self.read_deg,
         )
 
+    @cached_property
+    def course_s(self) -> Floats:
+        """Time of each averaged sample as that of the first trial alike has it, (n,)."""
+        return np.asarray(self.grid.time_s - self.late_s[self.grid.sample_trial])
+
     @property
     def used(self) -> NDArray[np.bool_]:
         """Averaged samples of the trials that take part, (n,)."""
@@ -102,11 +110,13 @@ def collect(data: CampaignData) -> Evidence:
     noise = _white([trial.angle_deg for trial in grid.trials])
     pressures = [t.pressure_kpa for t in grid.trials if t.pressure_kpa is not None]
     drift, sigma, angles, after = _drifts(data, grid)
+    alike, late_s = _run_alike(grid)
     return Evidence(
         data=data,
         grid=grid,
         rows=rows,
-        alike=_run_alike(grid),
+        alike=alike,
+        late_s=late_s,
         takes_part=np.ones(len(rows), dtype=bool),
         noise_deg=noise,
         pressure_noise_kpa=float("nan") if grid.measured_kpa is None else _white(pressures),
@@ -171,22 +181,39 @@ def _unsure_s(grid: CampaignGrid, rows: list[Integers]) -> Floats:
     return unsure
 
 
-def _run_alike(grid: CampaignGrid) -> Integers:
-    """Give each trial the number of the first one of the same experiment and command."""
+def _run_alike(grid: CampaignGrid) -> tuple[Integers, Floats]:
+    """Give each trial the number of the first one of the same experiment and course of its input.
+
+    And by how much later than that one it began it, s: nobody starts a log and a pump at once.
+    """
     cells = grid.pressure_kpa if grid.command_kpa is None else grid.command_kpa
     assert cells is not None
     drives = np.split(cells, grid.cell_starts[1:-1])
-    number = np.arange(len(drives))
-    first_of: dict[str, int] = {}
+    begins = [_begins(drive, _MOVED if grid.command_kpa is None else _CHANGES) for drive in drives]
+    number, late = np.arange(len(drives)), np.zeros(len(drives))
     for i, trial in enumerate(grid.trials):
-        first = first_of.setdefault(trial.experiment, i)
-        if same_course(drives[first], drives[i]):
-            number[i] = first
-    return number
+        for first in range(i):
+            if number[first] != first or grid.trials[first].experiment != trial.experiment:
+                continue
+            late_s = (begins[i] - begins[first]) * FINEST_STEP_S
+            if abs(late_s) < _AT_ONCE_S:
+                one, other, late_s = drives[first], drives[i], 0.0
+            else:
+                one, other = drives[first][begins[first] :], drives[i][begins[i] :]
+            if same_course(one, other):
+                number[i], late[i] = first, late_s
+                break
+    return number, late
+
+
+def _begins(drive: Floats, least: float) -> int:
+    """Find the cell in which an input first leaves where it was by a share of its range."""
+    moved = np.abs(drive - drive[0]) > least * float(np.ptp(drive))
+    return int(np.argmax(moved))
 
 
 def same_course(one: Floats, other: Floats) -> bool:
-    """Say whether two inputs, at like times from each trial's start, took the same course."""
+    """Say whether two inputs, at like times from where each begins, took the same course."""
     n = min(one.size, other.size)
     if n < 0.9 * max(one.size, other.size):
         return False
@@ -261,15 +288,15 @@ class Repeats:
 
 def repeats(evidence: Evidence, values: Floats, which: NDArray[np.bool_]) -> list[Repeats]:
     """Align a signal at the averaged samples, (n,), over trials run alike; `which`: (trials,)."""
-    grid, found = evidence.grid, []
+    grid, found, times = evidence.grid, [], evidence.course_s
     for first in np.unique(evidence.alike[which]):
         trials = np.flatnonzero(which & (evidence.alike == first))
         # The longest trial says when: a board's reset may have cut others.
         rows = evidence.rows[max(trials, key=lambda trial: evidence.rows[trial].size)]
-        time = grid.time_s[rows]
+        time = times[rows]
         aligned = np.full((trials.size, rows.size), np.nan)
         for k, trial in enumerate(trials):
-            own = grid.time_s[evidence.rows[trial]]
+            own = times[evidence.rows[trial]]
             after = np.minimum(np.searchsorted(own, time), own.size - 1)
             before = np.maximum(after - 1, 0)
             near = np.minimum(np.abs(own[after] - time), np.abs(own[before] - time)) < _NEAR_S

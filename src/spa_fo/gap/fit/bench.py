@@ -100,7 +100,7 @@ def rows_of(evidence: Evidence, fixed: Floats | None = None) -> Rows:
     for trial in np.flatnonzero(evidence.takes_part).tolist():
         groups.setdefault(int(evidence.alike[trial]), []).append(evidence.rows[trial])
     width = np.asarray(STEPS_S[grid.level[grid.sample_step]], dtype=np.float64)
-    samples = grid.time_s, width, grid.counts, fixed, grid.sample_trial
+    samples = evidence.course_s, width, grid.counts, fixed, grid.sample_trial
     return lay_rows(list(groups.values()), *samples, _MOST_ROWS)
 
 

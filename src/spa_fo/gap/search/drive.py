@@ -182,7 +182,7 @@ def _between_repeats(evidence: Evidence, known: Floats) -> Floats:
 
     No effect makes a pressure that differs where all was the same.
     """
-    grid, found = evidence.grid, np.zeros(known.size)
+    grid, found, times = evidence.grid, np.zeros(known.size), evidence.course_s
     assert grid.measured_kpa is not None
     for repeated in repeats(evidence, grid.measured_kpa, evidence.takes_part):
         several = np.isfinite(repeated.values).sum(axis=0) > 1
@@ -194,7 +194,7 @@ def _between_repeats(evidence: Evidence, known: Floats) -> Floats:
         alike = evidence.alike == evidence.alike[grid.sample_trial[repeated.rows[0]]]
         for trial in np.flatnonzero(alike):
             own = evidence.rows[trial]
-            found[own] = np.interp(grid.time_s[own], grid.time_s[rows], beyond)
+            found[own] = np.interp(times[own], times[rows], beyond)
     return found
 
 
