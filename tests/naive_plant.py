@@ -71,12 +71,15 @@ def droop(
     throttled_share=0.0,
     slower=5.0,
     steady_share=0.0,
+    building_s=0.0,
 ):
-    out, before, quick, slow = [], 0.0, 0.0, 0.0
+    out, before, coming, quick, slow = [], 0.0, 0.0, 0.0, 0.0
     for value in signal:
         asked = 30.0 * (max(value, 0.0) / 30.0) ** exponent
-        rise = max(asked - before, 0.0)
+        coming += max(asked - before, 0.0)
         before = asked
+        rise = coming * MS / (building_s + MS)
+        coming -= rise
         paced = steady_share * fraction * 30.0 + (1.0 - steady_share) * quick
         quick = max(quick - MS * paced / recovery_s, 0.0) + fraction * (1.0 - slow_share) * rise
         slow += fraction * slow_share * rise - MS * slow / (slower * recovery_s)

@@ -30,6 +30,7 @@ SIZES: dict[str, dict[str, float]] = {
         "throttled_share": 0.4,
         "slower": 6.0,
         "steady_share": 0.4,
+        "building_s": 0.2,
     },
     "leak": {
         "rate_per_s": 0.02,

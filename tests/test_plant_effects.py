@@ -565,11 +565,17 @@ def test_late_effects_are_late_both_ways() -> None:
 def test_what_pressure_does_while_the_command_is_held() -> None:
     command = step_release()
     held = slice(26, 220)
-    droop, leak = pressure(command, vector("supply_droop")), pressure(command, vector("leak"))
+    droop = pressure(command, vector("supply_droop", building_s=0.0))
+    leak = pressure(command, vector("leak"))
     given = 1.0 + 0.4 * (SIXTY / 30.0 - 1.0)  # behind a throttle
     missing = given * 0.12 * 30.0 * (SIXTY / 30.0) ** 1.3
     assert droop[26] == pytest.approx(SIXTY - missing, rel=0.01)
     assert (np.diff(droop[held]) > 0.0).all()
+    sags = pressure(command, vector("supply_droop", building_s=0.3))
+    lowest = 26 + int(np.argmin(sags[held]))
+    assert sags[26] > SIXTY - 0.1 * missing  # nothing is missing yet
+    assert 0.2 < (lowest - 25) / 50.0 < 2.0
+    assert SIXTY - missing < sags[lowest] < SIXTY - 0.5 * missing
     assert (np.diff(leak[held]) < 0.0).all()
     assert leak[26] == pytest.approx(SIXTY, rel=0.01)
     slope = (leak[76] - leak[26]) / SIXTY  # over a second

@@ -48,10 +48,10 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     if not math.isnan(e[SLEW_LIMIT]):
         slew(p, starts, e[SLEW_LIMIT], e[SLEW_LIMIT + 1], e[SLEW_LIMIT + 2])
     if not math.isnan(e[SUPPLY_DROOP]):
-        fraction, recovery, slow, exponent, throttled, slower, steady = e[
-            SUPPLY_DROOP : SUPPLY_DROOP + 7
+        fraction, recovery, slow, exponent, throttled, slower, steady, building = e[
+            SUPPLY_DROOP : SUPPLY_DROOP + 8
         ]
-        droop(p, starts, fraction, recovery, slow, exponent, throttled, slower, steady)
+        droop(p, starts, fraction, recovery, slow, exponent, throttled, slower, steady, building)
     if not math.isnan(e[LINE_LAG]):
         share = e[LINE_LAG + 2]
         slow, fast, latest = poles(e[LINE_LAG], e[LINE_LAG + 1], share)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Effect, amplitude, shape, share
+from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, shape, share
 from spa_fo.plant.effects.shared import Floats, Integers
 from spa_fo.plant.memory import FINEST_STEP_S
 
@@ -56,6 +56,12 @@ EFFECT = Effect(
             centre=0.2,
             is_addition=True,
         ),
+        Parameter(
+            *("building_s", "s", 0.0, 0.4, 0.0, 5.0),
+            starts=(0.1,),
+            means="time in which the sag builds up, as a reservoir is drawn down",
+            is_addition=True,
+        ),
     ),
     name="droop of the supply",
     means="the supply sags at each rise and recovers while the command is held",
@@ -85,30 +91,37 @@ def droop(
     throttled: float,
     slower: float,
     steady: float,
+    building: float,
 ) -> None:
     """Miss `fraction` of each rise in demand, recovering by two exponentials.
 
     A pump fills a reservoir at a steady pace, a regulator from a larger one by what is missing: of
     the quick part `steady` comes back so, at the pace at which all that a rise to 30 kPa misses
-    would come back at first.
+    would come back at first. What a rise misses builds up over the time `building`.
     A supply that has sagged gives less by so much, or, behind a throttle, by its share of what is
     drawn: then hardly anything of a small pressure is missing, and the supply goes on recovering.
     """
     quick = math.exp(-FINEST_STEP_S / recovery)
     lazy = math.exp(-FINEST_STEP_S / (slower * recovery))
+    # Of what is to come, the part that comes in a cell, and how much of that its mean has not yet.
+    sags, ahead = 1.0, 0.0
+    if building > 0.0:
+        sags = -math.expm1(-FINEST_STEP_S / building)
+        ahead = 1.0 - (1.0 - sags * building / FINEST_STEP_S) / sags
     for trial in range(starts.size - 1):
-        before = asked = fast_missing = slow_missing = 0.0
+        before = asked = coming = fast_missing = slow_missing = 0.0
         for i in range(starts[trial], starts[trial + 1]):
-            rise = 0.0
             if p[i] != before:  # a power is dear
                 before, earlier = p[i], asked
                 asked = demand(before, exponent)
-                rise = fraction * max(asked - earlier, 0.0)
+                coming += fraction * max(asked - earlier, 0.0)
+            rise = sags * coming
+            coming -= rise
             paced = steady * fraction * REFERENCE_KPA + (1.0 - steady) * fast_missing
             fast_missing = max(fast_missing - (1.0 - quick) * paced, 0.0) + (1.0 - slow) * rise
             slow_missing = lazy * slow_missing + slow * rise
             given = 1.0 + throttled * (before / REFERENCE_KPA - 1.0)
-            missing = given * (fast_missing + slow_missing)
+            missing = given * (fast_missing + slow_missing - ahead * rise)
             if missing > 0.0 and missing > before:  # an empty chamber misses nothing
                 left = max(before, 0.0) / missing
                 fast_missing *= left
