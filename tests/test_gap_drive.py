@@ -10,6 +10,7 @@ from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.pressure import timing_error
+from spa_fo.gap.noise.pressure_noise import pressure_noise
 from spa_fo.gap.search.drive import _WINDOWS, _beyond, examine_drive
 from spa_fo.plant.effects.library import LIBRARY, rare
 from spa_fo.plant.memory import FINEST_STEP_S
@@ -216,3 +217,29 @@ def test_the_sensor_of_a_spa_rig_log_has_no_lag_so_the_drive_has():
         found[kind] = examine_drive(collect(own), RARE, X).fits[()].z[-1]
     assert found["csv"] == pytest.approx(lag_s, abs=0.02)
     assert found["spa-rig"] <= 1.0 / (2.0 * np.pi * 100.0)
+
+
+def test_a_regulator_that_wanders_slowly_is_no_drive_effect():
+    """In no two trials alike, and by far more than the sensor's noise."""
+    evidence = driven([0.0] * 6)
+    rng, wandering = np.random.default_rng(7), []
+    for trial in evidence.grid.trials:
+        wander = np.zeros(trial.t_s.size)
+        for i in range(1, wander.size):  # over 5 s
+            wander[i] = 0.996 * wander[i - 1] + 0.5 * np.sqrt(1.0 - 0.996**2) * rng.normal()
+        wandering.append(replace(trial, pressure_kpa=trial.pressure_kpa + wander))
+    evidence = collect(campaign_data(wandering))
+    noise = pressure_noise(evidence, np.full(evidence.grid.angle_deg.size, 0.02**2))
+    assert np.sqrt(noise.coloured.sum()) == pytest.approx(0.5, rel=0.4)
+    found = examine_drive(evidence, RARE, X)
+    none = found.fits[()].evidence.max()
+    assert all(fit.evidence.max() < none + 3.0 for fit in found.fits.values())
+    assert found.fits[()].evidence[0] > none - 3.0  # and nothing is missed
+
+
+def test_without_repeats_the_pressure_has_the_noise_of_its_samples():
+    evidence = driven([0.0])
+    known = np.full(evidence.grid.angle_deg.size, 0.02**2)
+    noise = pressure_noise(evidence, known)
+    assert noise.white == evidence.pressure_noise_kpa**2
+    assert not noise.coloured.any()

@@ -34,9 +34,8 @@ from spa_fo.gap.claim.expected import (
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.diagnose import _alone_does
 from spa_fo.gap.diagnosis import LawFound, Shrink
-from spa_fo.gap.fit.bench import level_spread
 from spa_fo.gap.noise.bench_noise import Beyond
-from spa_fo.gap.noise.coloured import Scatter, Spectrum
+from spa_fo.gap.noise.coloured import Scatter, Spectrum, level_spread
 from spa_fo.gap.noise.dwell_error import DwellError
 from spa_fo.gap.places.missing import Missing
 from spa_fo.gap.settings import SETTINGS
@@ -469,3 +468,18 @@ def test_a_law_alone_that_closes_less_than_beside_a_part_does_not() -> None:
     beside = Missing((law(0.9, slip),), slip, 0.3)
     assert not _alone_does(Missing((law(0.6, ()),), (), 0.0), beside, False)
     assert not _alone_does(Missing(), beside, False)
+
+
+def test_what_is_refuted_where_there_is_hardly_a_gap_is_none() -> None:
+    verdict, refuted = answer({("creep",): 0.8, (): 0.1}, 0.1), claims({("creep",): -3.0}, 0.2)
+    held = held_to(verdict, refuted)
+    assert (held.kind, held.sets) == ("unknown", ())
+    assert held.unknown == pytest.approx(0.9)
+    none = held_to(verdict, refuted, hardly=True)
+    assert (none.kind, none.sets) == ("no_gap", ())
+    assert (none.none, none.unknown) == pytest.approx((0.9, 0.1))
+    # What stands does, and what an unknown cause was probable by stays its own.
+    stands = claims({("creep",): 0.9}, 0.05)
+    assert held_to(verdict, stands, hardly=True) == verdict
+    unsure = held_to(answer({("creep",): 0.3, (): 0.1}, 0.6), refuted, hardly=True)
+    assert (unsure.kind, unsure.sets) == ("unknown", ())

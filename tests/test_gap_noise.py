@@ -334,3 +334,21 @@ def test_trials_that_differ_by_more_than_those_of_benches_show_something(
     assert not wild.is_ordinary
     assert "something varies between them" in wild.sentence()
     assert "something varies between them" not in ordinary.sentence()
+
+
+def test_a_time_scale_that_few_repeats_tell_is_ordinary_for_longer() -> None:
+    usual = Scatter(0.01, 0.2, 0.01)
+    most = SETTINGS.most_scatter * SETTINGS.scatter
+
+    def ordinary(repeats: int, **scatter: float) -> bool:
+        spectrum = Spectrum(0.04, np.zeros(CORRELATION_S.size), repeats)
+        return BenchNoise(
+            spectrum, replace(usual, **scatter), DwellError(0.1, 9.0, 0.1)
+        ).is_ordinary
+
+    assert ordinary(4)
+    assert not ordinary(4, gain=1.05 * most)
+    assert ordinary(4, time_scale=1.3 * most)
+    assert ordinary(400, time_scale=1.1 * most)
+    assert not ordinary(400, time_scale=1.3 * most)
+    assert not ordinary(4, time_scale=2.0 * most)

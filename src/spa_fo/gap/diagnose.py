@@ -23,6 +23,7 @@ from spa_fo.gap.claim.claimed import (
     claim,
     exact,
     held_to,
+    is_hardly_a_gap,
     is_too_large,
     model_of,
     on_all_trials,
@@ -225,20 +226,23 @@ def _answered(
     """Answer, held against the trials that took no part."""
     rng = np.random.default_rng(seed)
     examined, claimed = _examined(data, plain, excluded, rng, progress, beyond)
-    verdict = held_to(examined.verdict, claimed)
+    repeated = beyond is None and examined.found.bench.noise.spectrum.repeats > 0
+    gap_deg = _gap_deg(examined, claimed)
+    hardly = repeated and is_hardly_a_gap(gap_deg, examined.floor_deg)
+    verdict = held_to(examined.verdict, claimed, hardly)
     if beyond is None:
         too_large = is_too_large(examined, claimed.curves["plain"])
         if too_large:
             verdict = cause_of_too_large(verdict, claimed)
         progress("weighing laws that have no name against it")
-        verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed)
+        verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed, hardly)
         if not examined.found.bench.noise.is_ordinary:
             verdict = too_large_for_none(verdict)
-        if examined.found.bench.noise.spectrum.repeats and not too_large:
+        if repeated and not too_large:
             # By how much a set lets repeats differ is no floor.
             explained = noise_floor(examined.everything, claimed.curves["explained"])
             floor_deg = min(examined.floor_deg, explained)
-            verdict = too_small_for_any(verdict, _gap_deg(examined, claimed), floor_deg)
+            verdict = too_small_for_any(verdict, gap_deg, floor_deg)
     else:
         verdict = alone_if_rare(verdict)
         size, expected = differs(examined.everything, claimed.curves["plain"], beyond)

@@ -24,7 +24,8 @@ from spa_fo.gap.decide.explanation import (
 )
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
 from spa_fo.gap.diagnosis import LawFound, Shrink
-from spa_fo.gap.fit.bench import DWELL, Bench, level_spread
+from spa_fo.gap.fit.bench import DWELL, Bench
+from spa_fo.gap.noise.coloured import level_spread
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import fit, without_others
@@ -193,18 +194,23 @@ def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
     return out
 
 
-def held_to(verdict: Verdict, claimed: Claim) -> Verdict:
+def held_to(verdict: Verdict, claimed: Claim, hardly: bool = False) -> Verdict:
     """Take sets that close too little of the gap on held-out trials out of an answer.
 
-    What they were probable by goes to an unknown cause.
+    What they were probable by goes to an unknown cause; to no gap where there is `hardly` one.
     """
     if not verdict.sets:
         return verdict
     useless = {named for named in claimed.closed if not claimed.closes(named)}
     lost = sum(s.probability for s in verdict.scored if s.named in useless)
     scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
+    if hardly:
+        scored = [s if s.named else replace(s, probability=s.probability + lost) for s in scored]
+        lost = 0.0
     scored.sort(key=lambda s: -s.probability)
     again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
+    if again.kind == "no_gap":
+        return again
     unknown = "unknown" in (verdict.kind, again.kind)
     if unknown:
         # What is no answer is said for what it explains elsewhere, also where chance is in it.
@@ -272,8 +278,7 @@ def too_small_for_any(verdict: Verdict, gap_deg: float, floor_deg: float) -> Ver
     gap_deg, floor_deg : float
         RMS of what the plain model misses, and of what repeats differ by.
     """
-    least = float(np.hypot(1.0, SETTINGS.no_gap)) * floor_deg
-    if verdict.kind not in ("cause", "ambiguous") or gap_deg >= least:
+    if verdict.kind not in ("cause", "ambiguous") or not is_hardly_a_gap(gap_deg, floor_deg):
         return verdict
     within = {s.named for s in verdict.scored if s.named and not any(map(_beyond_floor, s.named))}
     lost = sum(s.probability for s in verdict.scored if s.named in within)
@@ -281,6 +286,11 @@ def too_small_for_any(verdict: Verdict, gap_deg: float, floor_deg: float) -> Ver
     scored = [s if s.named else replace(s, probability=s.probability + lost) for s in scored]
     scored.sort(key=lambda s: -s.probability)
     return judge(scored, verdict.unknown, verdict.unknown_drive)
+
+
+def is_hardly_a_gap(gap_deg: float, floor_deg: float) -> bool:
+    """Say whether what is missed is the noise floor and no more than what counts as no gap."""
+    return gap_deg < float(np.hypot(1.0, SETTINGS.no_gap)) * floor_deg
 
 
 def _beyond_floor(name: str) -> bool:

@@ -11,6 +11,7 @@ from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.searched import to_x, to_z
 from spa_fo.gap.fit.coefficients import Coefficients, identified, usual
 from spa_fo.gap.noise.bench_noise import BenchNoise, Beyond, bench_noise
+from spa_fo.gap.noise.coloured import level_spread
 from spa_fo.gap.noise.whitening import Rows, Whitening, lay_rows
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Chain
@@ -210,10 +211,3 @@ def level_prior(bench: Bench, level: float) -> float:
     if (bench.noise.compared or repeats > 1) and level > _MOST_LEVEL:
         return -np.inf
     return -0.5 * float(np.log(level) / level_spread(repeats)) ** 2
-
-
-def level_spread(repeats: int) -> float:
-    """By how much the noise is more or less than estimated: 1 sigma of its logarithm."""
-    if not repeats:
-        return SETTINGS.level_alone
-    return SETTINGS.level_repeated / float(np.sqrt(repeats)) + 0.15

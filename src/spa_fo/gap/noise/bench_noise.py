@@ -20,6 +20,7 @@ from spa_fo.gap.noise.coloured import (
     Spectrum,
     contrasts,
     estimate,
+    level_spread,
     scatter,
     unexplained,
 )
@@ -42,7 +43,7 @@ TYPICAL = Scatter(
 _FIXED_DEG = 0.03  # error of averaging a curve over a step
 _RATE_STEP = 2e-3
 _CURVE_KNOTS, _CURVE_BENDS = 9, 1e-3  # of readings over predictions; how stiff it is
-_FEWEST_ROWS = 12  # averaged samples that trials must share
+FEWEST_ROWS = 12  # averaged samples that trials must share
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,16 @@ class BenchNoise:
 
     @property
     def is_ordinary(self) -> bool:
-        """Whether gain, by its order too, and time scale vary by no more than on benches."""
+        """Whether gain, by its order too, and time scale vary by no more than on benches.
+
+        A time scale is told by a trial's transients alone, so it may be off by as much as its
+        repeats leave it unsure.
+        """
         most = SETTINGS.most_scatter * SETTINGS.scatter
         of_order = 0.0 if self.gains is None else float(self.gains.std())
         gain = float(np.hypot(self.scatter.gain, of_order))
-        return max(gain, self.scatter.time_scale) <= most
+        unsure = float(np.exp(level_spread(self.spectrum.repeats)))
+        return gain <= most and self.scatter.time_scale <= most * unsure
 
     def floor_deg(self, angle_deg: Floats) -> float:
         """Give what trials of these angles would differ by from their mean, RMS, deg."""
@@ -245,7 +251,7 @@ def _taken_apart(
 ) -> Differences | None:
     """Take trials that were run alike apart, where all of them have samples."""
     seen = np.isfinite(repeated.values).all(axis=0)
-    if len(repeated.trials) < 2 or np.count_nonzero(seen) < _FEWEST_ROWS:
+    if len(repeated.trials) < 2 or np.count_nonzero(seen) < FEWEST_ROWS:
         return None
     rows, grid = repeated.rows[seen], evidence.grid
     width_s = np.asarray(STEPS_S[grid.level[grid.sample_step[rows]]], dtype=np.float64)

@@ -260,6 +260,13 @@ def _line(differences: Sequence[Differences], spectrum: Spectrum) -> float | Non
     return float(_LINE_HZ[best]) if stands_out else None
 
 
+def level_spread(repeats: int) -> float:
+    """By how much the noise is more or less than estimated: 1 sigma of its logarithm."""
+    if not repeats:
+        return SETTINGS.level_alone
+    return SETTINGS.level_repeated / float(np.sqrt(repeats)) + 0.15
+
+
 @dataclass(frozen=True)
 class Scatter:
     """What trials scatter by, 1 sigma: gain, rest angle (deg), time scale."""

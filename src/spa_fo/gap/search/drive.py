@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
+from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import SHARES, Bench, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, row_cells, timing_error
-from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
+from spa_fo.gap.noise.coloured import Spectrum
+from spa_fo.gap.noise.pressure_noise import between_repeats, pressure_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.explanations import Explanations
@@ -163,46 +164,26 @@ def _drive_of(evidence: Evidence, fits: dict[Ids, DriveFit], x: Floats) -> Drive
 def _whitening(evidence: Evidence, step_kpa: float, beyond: Spectrum | None) -> Whitening:
     """Say what is noise at the rows of the pressure, and how large the gap is."""
     known = timing_error(evidence) ** 2 + _BINNING_KPA**2
-    rows = rows_of(evidence, known + _between_repeats(evidence, known))
-    spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
+    spectrum = pressure_noise(evidence, known)
+    between = between_repeats(evidence, known + spectrum.coloured.sum())
+    rows = rows_of(evidence, known + between)
     hidden = step_kpa / np.sqrt(12.0)
     if beyond is not None:
         spectrum = spectrum.beside(beyond)
     bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
-    noise = spectrum.white + spectrum.coloured.sum() + hidden**2
-    squares = _beyond_noise(rows, noise, bare.left(np.zeros(1)))
+    white = spectrum.white + hidden**2
+    squares = _beyond_noise(rows, white, float(spectrum.coloured.sum()), bare.left(np.zeros(1)))
     whitening = Whitening(rows, spectrum, local_size(rows, squares), hidden)
     for share in (*SHARES, SETTINGS.search_share):
         whitening.factor(1.0, share)  # before processes share the work
     return whitening
 
 
-def _between_repeats(evidence: Evidence, known: Floats) -> Floats:
-    """Variance of repeated trials about their mean, beyond what is known, (n,), kPa².
-
-    No effect makes a pressure that differs where all was the same.
-    """
-    grid, found, times = evidence.grid, np.zeros(known.size), evidence.course_s
-    assert grid.measured_kpa is not None
-    for repeated in repeats(evidence, grid.measured_kpa, evidence.takes_part):
-        several = np.isfinite(repeated.values).sum(axis=0) > 1
-        if not several.any():
-            continue
-        rows = repeated.rows[several]
-        variance = np.nanvar(repeated.values[:, several], axis=0, ddof=1)
-        beyond = np.maximum(variance - known[rows], 0.0)
-        alike = evidence.alike == evidence.alike[grid.sample_trial[repeated.rows[0]]]
-        for trial in np.flatnonzero(alike):
-            own = evidence.rows[trial]
-            found[own] = np.interp(times[own], times[rows], beyond)
-    return found
-
-
-def _beyond_noise(rows: Rows, white: float, left: Floats) -> Floats:
+def _beyond_noise(rows: Rows, white: float, coloured: float, left: Floats) -> Floats:
     """Square what is left at each row, less its noise; about a jump at least as its neighbours."""
     squares = left**2
     for group in rows.groups:
-        noise = group.fixed + white / group.count
+        noise = group.fixed + white / group.count + coloured
         squares[group.rows] -= noise
         for trial in np.unique(group.trial):
             mine = np.flatnonzero(group.trial == trial)

@@ -1,0 +1,71 @@
+"""What the measured pressure differs by between trials that were run alike."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.gap.data.evidence import Evidence, repeats
+from spa_fo.gap.noise.bench_noise import FEWEST_ROWS
+from spa_fo.gap.noise.coloured import CORRELATION_S, Averages, Spectrum, contrasts, estimate
+from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA
+from spa_fo.plant.memory import STEPS_S
+
+Floats = NDArray[np.float64]
+
+_JUMPS = 9.0  # times the median variance between repeats. Assumed.
+
+
+def pressure_noise(evidence: Evidence, known: Floats) -> Spectrum:
+    """Estimate the noise of the measured pressure, kPa², as that of the angle (`estimate`).
+
+    A regulator wanders, slowly and in no two trials alike. Where nothing is repeated, only noise
+    from sample to sample is known.
+    """
+    grid, reach = evidence.grid, evidence.reach
+    assert grid.measured_kpa is not None
+    # Its prior is in degrees: as far as the pressure moves the angle.
+    per_kpa = reach.angle * USUAL_DEG / (reach.pressure * USUAL_KPA)
+    width_s = np.asarray(STEPS_S[grid.level[grid.sample_step]], dtype=np.float64)
+    differences = []
+    for repeated in repeats(evidence, per_kpa * grid.measured_kpa, evidence.takes_part):
+        seen = np.isfinite(repeated.values).all(axis=0)
+        if len(repeated.trials) < 2 or np.count_nonzero(seen) < FEWEST_ROWS:
+            continue
+        own = repeated.rows[seen]
+        # Where trials jump one after the other they differ by far more than anything that wanders.
+        variance = repeated.values[:, seen].var(axis=0, ddof=1)
+        jumps = variance > _JUMPS * np.median(variance)
+        fixed = per_kpa**2 * known[own] + np.where(jumps, variance, 0.0)
+        averages = Averages(grid.time_s[own], width_s[own], grid.counts[own], fixed)
+        one = contrasts(repeated.values[:, seen], averages, np.zeros(own.size))
+        # An offset and a gain of a trial's own are the slow part of it; a delay may be the log's.
+        differences.append(replace(one, nuisances=one.nuisances[:, 2:3]))
+    white = evidence.pressure_noise_kpa
+    if not differences:
+        return Spectrum(white**2, np.zeros(CORRELATION_S.size))
+    found = estimate(differences, per_kpa * white)
+    return Spectrum(found.white / per_kpa**2, found.coloured / per_kpa**2, found.repeats)
+
+
+def between_repeats(evidence: Evidence, known: Floats) -> Floats:
+    """Variance of repeated trials about their mean, beyond what is known, (n,), kPa².
+
+    No effect makes a pressure that differs where all was the same.
+    """
+    grid, found, times = evidence.grid, np.zeros(known.size), evidence.course_s
+    assert grid.measured_kpa is not None
+    for repeated in repeats(evidence, grid.measured_kpa, evidence.takes_part):
+        several = np.isfinite(repeated.values).sum(axis=0) > 1
+        if not several.any():
+            continue
+        rows = repeated.rows[several]
+        variance = np.nanvar(repeated.values[:, several], axis=0, ddof=1)
+        beyond = np.maximum(variance - known[rows], 0.0)
+        alike = evidence.alike == evidence.alike[grid.sample_trial[repeated.rows[0]]]
+        for trial in np.flatnonzero(alike):
+            own = evidence.rows[trial]
+            found[own] = np.interp(times[own], times[rows], beyond)
+    return found
