@@ -243,3 +243,16 @@ def test_without_repeats_the_pressure_has_the_noise_of_its_samples():
     noise = pressure_noise(evidence, known)
     assert noise.white == evidence.pressure_noise_kpa**2
     assert not noise.coloured.any()
+
+
+def test_a_supply_that_cycles_varies_by_more_than_a_regulator():
+    evidence, wandering = driven([0.0] * 6), {}
+    for share in (0.01, 0.2):
+        own = []
+        for k, trial in enumerate(evidence.grid.trials):  # in no two trials at the same time
+            saw = (trial.t_s / 3.0 + 0.37 * k) % 1.0 - 0.5
+            own.append(replace(trial, pressure_kpa=trial.pressure_kpa * (1.0 + share * saw)))
+        wandering[share] = examine_drive(collect(campaign_data(own)), RARE, X)
+    assert wandering[0.01].is_ordinary
+    assert not wandering[0.2].is_ordinary
+    assert wandering[0.2].wander == pytest.approx(0.2 / np.sqrt(12.0), rel=0.5)

@@ -17,7 +17,7 @@ EVIDENCE = cast(Any, SimpleNamespace(grid=SimpleNamespace(sample_trial=np.array(
 HELD = HeldOut(np.array([False, True]), "the second")
 
 
-def drive(left_kpa: float, lag_s: float) -> Any:
+def drive(left_kpa: float, lag_s: float, wander: float = 0.01) -> Any:
     """A lag of the line that leaves so much of 8 kPa on the second trial."""
     effects = absent()
     slots = LIBRARY["line_lag"].slots
@@ -29,7 +29,8 @@ def drive(left_kpa: float, lag_s: float) -> Any:
         z=np.array([0.5, lag_s]),
     )
     plain = SimpleNamespace(residual_kpa=np.array([1.0, 1.0, 8.0, -8.0]))
-    return SimpleNamespace(best=best, fits={(): plain, ("line_lag",): best})
+    fits = {(): plain, ("line_lag",): best}
+    return SimpleNamespace(best=best, fits=fits, is_ordinary=wander <= 0.03, wander=wander)
 
 
 @pytest.mark.parametrize(
@@ -50,3 +51,8 @@ def test_the_lag_that_its_sensor_takes_is_said(lag_s: float, words: str) -> None
 def test_what_explains_little_of_the_pressure_is_not_said() -> None:
     assert drive_finding(drive(7.9, 0.0), EVIDENCE, HELD) == ()
     assert drive_finding(None, EVIDENCE, HELD) == ()
+
+
+def test_a_pressure_that_wanders_too_far_is_said() -> None:
+    (said,) = drive_finding(drive(2.0, 0.0, wander=0.073), EVIDENCE, HELD)
+    assert said.startswith("The pressure of repeated trials wanders by 7.3 % of the command")

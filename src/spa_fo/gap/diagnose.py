@@ -236,7 +236,8 @@ def _answered(
             verdict = cause_of_too_large(verdict, claimed)
         progress("weighing laws that have no name against it")
         verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed, hardly)
-        if not examined.found.bench.noise.is_ordinary:
+        drive = examined.drive
+        if not (examined.found.bench.noise.is_ordinary and (drive is None or drive.is_ordinary)):
             verdict = too_large_for_none(verdict)
         if repeated and not too_large:
             # By how much a set lets repeats differ is no floor.

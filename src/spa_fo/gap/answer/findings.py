@@ -79,6 +79,11 @@ def misses(evidence: Evidence, commanded: bool = False) -> tuple[str, ...]:
 
 def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> tuple[str, ...]:
     """Say what the measured pressure tells of the drive, whatever the angle says."""
+    if drive is not None and not drive.is_ordinary:
+        return (
+            f"The pressure of repeated trials wanders by {100.0 * drive.wander:.2g} % of the "
+            "command: more than a regulator lets it.",
+        )
     if drive is None or not drive.best.ids:
         return ()
     fit, where = drive.best, judged(everything, held)
