@@ -129,6 +129,21 @@ def test_what_swings_as_fast_as_it_is_sampled_is_left(
     assert dropout_finding(CampaignData(cast(Any, None), (trial,))) == ()
 
 
+@pytest.mark.parametrize("interval_s", [0.02, 0.04])
+def test_a_sine_or_a_step_long_ago_hides_no_dropout(interval_s: float) -> None:
+    trial = overshooting(interval_s, 4.0, 0.5, 0.1)
+    t = trial.t_s
+    assert trial.command_kpa is not None
+    sine = 25.0 * (1.0 - np.cos(2.0 * np.pi * t / 3.5))
+    driven = replace(trial, command_kpa=sine, angle_deg=sine + 0.05 * np.cos(40.0 * t))
+    for one, at in ((driven, round(7.3 / interval_s)), (trial, round(5.6 / interval_s))):
+        off = one.angle_deg.copy()
+        off[at] += 30.0
+        data = CampaignData(cast(Any, None), (replace(one, angle_deg=off),))
+        found = without_dropouts(data).trials[0].angle_deg
+        assert np.abs(found - one.angle_deg).max() < 2.0, at
+
+
 def test_samples_that_are_held_twice_are_left() -> None:
     held = np.repeat(SHAPES["triangle"][::8], 2)
     np.testing.assert_array_equal(mended(held), held)

@@ -19,12 +19,13 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 # Samples about one, of which two may be off, and those that say how it moves; times noise, and what
-# moves from sample to sample, that none is off; s after a jump of the input, a share of its range,
-# within which an actuator may swing as fast as it is sampled; shares of samples that say how large
-# noise is, of which those that are off are no more, and times the first that it may be. Assumed.
+# moves from sample to sample, that none is off; s and samples after a jump of the input, a share of
+# its range, within which an actuator may swing as fast as it is sampled; shares of samples that say
+# how large noise is, of which those that are off are no more, and times the first that it may be.
+# All assumed.
 _ABOUT, _FAR = 5, 11
 _NOISES, _MOTIONS = 8.0, 3.0
-_AFTER_S, _JUMP = 1.0, 0.02
+_AFTER_S, _AFTER, _JUMP = 1.0, 10, 0.02
 _SAY, _HEAVIER = np.array([0.5, 0.95]), 4.0
 _NORMAL = norm.ppf(0.5 + 0.5 * _SAY)  # what these shares of a normal variable stay within
 
@@ -91,7 +92,11 @@ def _swings(trial: Trial) -> Bools:
     drive = trial.pressure_kpa if trial.command_kpa is None else trial.command_kpa
     if drive is None:
         return np.zeros(trial.t_s.size, dtype=bool)
-    jumps = np.flatnonzero(np.abs(np.diff(drive)) > _JUMP * np.ptp(drive))
+    change = np.abs(np.diff(drive))
+    # A sine at a low rate moves as far from row to row, and goes on.
+    sloped = median_filter(change, _FAR, mode="nearest")
+    jumps = np.flatnonzero((change > _JUMP * np.ptp(drive)) & (change > _MOTIONS * sloped))
+    after_s = min(_AFTER_S, _AFTER * float(np.median(np.diff(trial.t_s))))
     begins = np.append(-np.inf, trial.t_s[jumps])
     since = trial.t_s - begins[np.searchsorted(trial.t_s[jumps], trial.t_s, side="right")]
-    return np.asarray(since < _AFTER_S)
+    return np.asarray(since < after_s)
