@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import campaigns
+from plant_cases import campaign_data, trials
 from spa_fo.gap.data.evidence import collect, noise_floor, repeats
 from spa_fo.gap.noise.bench_noise import bench_noise
 from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
@@ -108,8 +109,8 @@ def test_repeats_are_held_together_from_where_each_is_driven(
     clean: CampaignData, seconds: float
 ) -> None:
     late = {2: seconds, 4: 0.5 * seconds}  # by order: of either experiment one
-    trials = [resting(t, late[t.order]) if t.order in late else t for t in clean.trials]
-    evidence, before = collect(replace(clean, trials=tuple(trials))), collect(clean)
+    own = [resting(t, late[t.order]) if t.order in late else t for t in clean.trials]
+    evidence, before = collect(replace(clean, trials=tuple(own))), collect(clean)
     np.testing.assert_array_equal(evidence.alike, before.alike)
     # An experiment's first trial is no later than itself.
     expected = [0.0, 0.0, 0.0, 0.0]
@@ -118,10 +119,10 @@ def test_repeats_are_held_together_from_where_each_is_driven(
         expected[i] = begun[trial.order] - begun[evidence.grid.trials[evidence.alike[i]].order]
     np.testing.assert_allclose(evidence.late_s, expected, atol=0.021)
     assert noise_floor(evidence) == pytest.approx(noise_floor(before), rel=0.1)
-    own, usual = bench_noise(evidence, GIVEN), bench_noise(before, GIVEN)
-    assert own.spectrum.repeats == usual.spectrum.repeats == 2
-    assert own.scatter.time_scale < 0.02
-    assert own.spectrum.deviation_deg == pytest.approx(usual.spectrum.deviation_deg, rel=0.15)
+    noise, usual = bench_noise(evidence, GIVEN), bench_noise(before, GIVEN)
+    assert noise.spectrum.repeats == usual.spectrum.repeats == 2
+    assert noise.scatter.time_scale < 0.02
+    assert noise.spectrum.deviation_deg == pytest.approx(usual.spectrum.deviation_deg, rel=0.15)
     (one, _) = repeats(evidence, evidence.grid.time_s, np.ones(4, dtype=bool))
     moved = np.nanmedian(one.values[1] - one.values[0])
     assert moved == pytest.approx(evidence.late_s[one.trials[1]], abs=0.05)
@@ -132,3 +133,43 @@ def test_a_row_more_or_less_is_no_later_begin(clean: CampaignData) -> None:
     evidence = collect(replace(clean, trials=(resting(first, 0.04), *others)))
     np.testing.assert_array_equal(evidence.late_s, 0.0)
     np.testing.assert_array_equal(evidence.alike, collect(clean).alike)
+
+
+def pressed(seed: int, noise_kpa: float) -> CampaignData:
+    """Four triangles that a pressure was measured of, and no command."""
+    rng = np.random.default_rng(seed)
+    t = 0.02 * np.arange(1000)
+    kpa = np.maximum(30.0 - 3.0 * np.abs(t - 10.0), 0.0)
+    own = trials(kpa, kpa, kpa, kpa)
+    noisy = [kpa + noise_kpa * rng.normal(size=kpa.size) for _ in own]
+    return campaign_data(
+        [replace(one, command_kpa=None, pressure_kpa=p) for one, p in zip(own, noisy, strict=True)]
+    )
+
+
+@pytest.mark.parametrize("noise_kpa", [0.15, 0.6])
+def test_noise_of_a_measured_pressure_is_no_begin(noise_kpa: float) -> None:
+    evidence = collect(pressed(2, noise_kpa))
+    np.testing.assert_array_equal(evidence.alike, 0)
+    np.testing.assert_array_equal(evidence.late_s, 0.0)
+
+
+def test_a_glitch_of_the_command_is_no_begin(clean: CampaignData) -> None:
+    first, *others = clean.trials
+    assert first.command_kpa is not None
+    for rows, kpa in ((slice(0, 1), 20.0), (slice(20, 21), 3.0)):  # a stale row, one too soon
+        command = first.command_kpa.copy()
+        command[rows] = kpa
+        evidence = collect(replace(clean, trials=(replace(first, command_kpa=command), *others)))
+        np.testing.assert_array_equal(evidence.alike, collect(clean).alike)
+        np.testing.assert_array_equal(evidence.late_s, 0.0)
+
+
+def test_what_begins_elsewhere_is_no_repeat_that_is_late(clean: CampaignData) -> None:
+    first, *others = clean.trials
+    late = resting(first, 0.6)
+    assert late.command_kpa is not None
+    before = late.command_kpa + np.where(late.t_s < 1.6, 0.4 * late.command_kpa.max(), 0.0)
+    evidence = collect(replace(clean, trials=(replace(late, command_kpa=before), *others)))
+    alike = next(i for i, t in enumerate(evidence.grid.trials) if t.order == first.order)
+    assert np.count_nonzero(evidence.alike == evidence.alike[alike]) == 1

@@ -478,6 +478,15 @@ def test_what_is_refuted_where_there_is_hardly_a_gap_is_none() -> None:
     none = held_to(verdict, refuted, hardly=True)
     assert (none.kind, none.sets) == ("no_gap", ())
     assert (none.none, none.unknown) == pytest.approx((0.9, 0.1))
+    drive = held_to(
+        answer({("line_lag",): 0.8, (): 0.1}, 0.1), claims({("line_lag",): -3.0}, 0.2), True
+    )
+    assert drive.kind == "no_gap"
+    # Slips are in the noise floor: where they are refuted nobody knows.
+    slip = held_to(
+        answer({("sensor_slip",): 0.8, (): 0.1}, 0.1), claims({("sensor_slip",): -3.0}, 0.2), True
+    )
+    assert slip.kind == "unknown"
     # What stands does, and what an unknown cause was probable by stays its own.
     stands = claims({("creep",): 0.9}, 0.05)
     assert held_to(verdict, stands, hardly=True) == verdict

@@ -77,7 +77,7 @@ def predict_campaign(
     if is_augmented(model, source):
         angles = predict_augmented(model, data, source)
     else:
-        angles = tuple(_predict_plain(model, trial) for trial in data.trials)
+        angles = tuple(trial.zeroed(_predict_plain(model, trial)) for trial in data.trials)
     frames = [
         pd.DataFrame(
             {

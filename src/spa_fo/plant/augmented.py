@@ -229,8 +229,7 @@ def _predict(
         i = place[trial.order]
         step, share = grid.locate(i, trial.t_s)
         angle = run.chain.logged(run.reading, effects, step, share, np.full(step.size, i))
-        before = trial.t_s < trial.zero_until_s
-        angles.append(angle - angle[before].mean() if before.any() else angle + zeros[i])
+        angles.append(trial.zeroed(angle) if trial.zero_until_s > 0.0 else angle + zeros[i])
     return tuple(angles)
 
 

@@ -45,3 +45,8 @@ class Trial:
     def label(self) -> str:
         """For messages and figures: ``step_30 trial 2``."""
         return f"{self.experiment} trial {self.trial}"
+
+    def zeroed(self, angle_deg: Floats) -> Floats:
+        """Take its own zero off angles at its samples, if it has one."""
+        before = (self.t_s < self.zero_until_s) & ~self.after_reset
+        return np.asarray(angle_deg - angle_deg[before].mean()) if before.any() else angle_deg

@@ -79,19 +79,20 @@ def misses(evidence: Evidence, commanded: bool = False) -> tuple[str, ...]:
 
 def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> tuple[str, ...]:
     """Say what the measured pressure tells of the drive, whatever the angle says."""
+    wanders: tuple[str, ...] = ()
     if drive is not None and not drive.is_ordinary:
-        return (
+        wanders = (
             f"The pressure of repeated trials wanders by {100.0 * drive.wander:.2g} % of the "
             "command: more than a regulator lets it.",
         )
     if drive is None or not drive.best.ids:
-        return ()
+        return wanders
     fit, where = drive.best, judged(everything, held)
     before, after = (
         float(np.sqrt(np.mean(each.residual_kpa[where] ** 2))) for each in (drive.fits[()], fit)
     )
     if after > _PRESSURE_EXPLAINED * before:
-        return ()
+        return wanders
     effects = []
     for name in fit.ids:
         values = zip(LIBRARY[name].parameters, fit.effects[LIBRARY[name].slots], strict=True)
@@ -102,6 +103,7 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
     if lag_s >= 0.99 * MOST_LAG_S:
         late = f", beside a lag by {lag_s:.2g} s, as much as counts as its sensor's,"
     return (
+        *wanders,
         f"The measured pressure by itself: {' + '.join(effects)}{late} reduces its RMS deviation "
         f"from the command{tried_on} from {before:.3g} to {after:.3g} kPa.",
     )

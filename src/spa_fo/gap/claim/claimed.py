@@ -204,9 +204,10 @@ def held_to(verdict: Verdict, claimed: Claim, hardly: bool = False) -> Verdict:
     useless = {named for named in claimed.closed if not claimed.closes(named)}
     lost = sum(s.probability for s in verdict.scored if s.named in useless)
     scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
-    if hardly:
-        scored = [s if s.named else replace(s, probability=s.probability + lost) for s in scored]
-        lost = 0.0
+    if hardly:  # slips and interferences are in the noise floor
+        none = sum(s.probability for s in verdict.scored if s.named in useless and _in_gap(s.named))
+        scored = [s if s.named else replace(s, probability=s.probability + none) for s in scored]
+        lost -= none
     scored.sort(key=lambda s: -s.probability)
     again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
     if again.kind == "no_gap":
@@ -295,7 +296,12 @@ def is_hardly_a_gap(gap_deg: float, floor_deg: float) -> bool:
 
 def _beyond_floor(name: str) -> bool:
     """Whether an effect shows though the angle differs by no more than in repeats."""
-    return LIBRARY[name].stage == "drive" or LIBRARY[name].port in ("zeros", "line")
+    return LIBRARY[name].stage == "drive" or not _in_gap((name,))
+
+
+def _in_gap(named: Ids) -> bool:
+    """Whether what a set makes of trials is in no difference between repeats."""
+    return all(LIBRARY[name].port not in ("zeros", "line") for name in named)
 
 
 def is_too_large(examined: Examined, plain_deg: Floats) -> bool:

@@ -24,6 +24,7 @@ Bools = NDArray[np.bool_]
 # how large noise is, of which those that are off are no more, and times the first that it may be.
 # All assumed.
 _ABOUT, _FAR = 5, 11
+_LONG = 55  # samples, of which a ramp that is as good as a jump is less than half. Assumed.
 _NOISES, _MOTIONS = 8.0, 3.0
 _AFTER_S, _AFTER, _JUMP = 1.0, 10, 0.02
 _SAY, _HEAVIER = np.array([0.5, 0.95]), 4.0
@@ -90,11 +91,11 @@ def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
 def _swings(trial: Trial) -> Bools:
     """Say where the input has jumped just before."""
     drive = trial.pressure_kpa if trial.command_kpa is None else trial.command_kpa
-    if drive is None:
+    if drive is None or drive.size < _FAR:
         return np.zeros(trial.t_s.size, dtype=bool)
     change = np.abs(np.diff(drive))
     # A sine at a low rate moves as far from row to row, and goes on.
-    sloped = median_filter(change, _FAR, mode="nearest")
+    sloped = median_filter(change, _LONG, mode="nearest")
     jumps = np.flatnonzero((change > _JUMP * np.ptp(drive)) & (change > _MOTIONS * sloped))
     after_s = min(_AFTER_S, _AFTER * float(np.median(np.diff(trial.t_s))))
     begins = np.append(-np.inf, trial.t_s[jumps])

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
+from spa_fo.gap.data.alike import run_alike
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, Reach
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SPLINES
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
-from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S
+from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.stages import true_pressure
 from spa_fo.rig import Calibration, CampaignData, Trial
 
@@ -29,8 +30,6 @@ _TIMING_S = 0.003  # error of one sample's time
 # Times the usual time between samples, and times a ramp; of the range of the command; samples that
 # say how it slopes. Assumed.
 A_GAP, _CHANGES, _SLOPE = 3.0, 0.02, 11
-# Of a measured pressure's range, by which it has moved; what a delay of a trial's own tells, s.
-_MOVED, _AT_ONCE_S = 0.05, 0.05
 _RATE_OVER_S = 0.12
 _CURVE_FLOOR_DEG = 0.08
 _NEAR_S = 0.4
@@ -110,7 +109,7 @@ def collect(data: CampaignData) -> Evidence:
     noise = _white([trial.angle_deg for trial in grid.trials])
     pressures = [t.pressure_kpa for t in grid.trials if t.pressure_kpa is not None]
     drift, sigma, angles, after = _drifts(data, grid)
-    alike, late_s = _run_alike(grid)
+    alike, late_s = run_alike(grid)
     return Evidence(
         data=data,
         grid=grid,
@@ -179,46 +178,6 @@ def _unsure_s(grid: CampaignGrid, rows: list[Integers]) -> Floats:
         last = np.searchsorted(trial.t_s[at], grid.time_s[own])
         unsure[own] = np.append(0.0, sigma_s)[last]
     return unsure
-
-
-def _run_alike(grid: CampaignGrid) -> tuple[Integers, Floats]:
-    """Give each trial the number of the first one of the same experiment and course of its input.
-
-    And by how much later than that one it began it, s: nobody starts a log and a pump at once.
-    """
-    cells = grid.pressure_kpa if grid.command_kpa is None else grid.command_kpa
-    assert cells is not None
-    drives = np.split(cells, grid.cell_starts[1:-1])
-    begins = [_begins(drive, _MOVED if grid.command_kpa is None else _CHANGES) for drive in drives]
-    number, late = np.arange(len(drives)), np.zeros(len(drives))
-    for i, trial in enumerate(grid.trials):
-        for first in range(i):
-            if number[first] != first or grid.trials[first].experiment != trial.experiment:
-                continue
-            late_s = (begins[i] - begins[first]) * FINEST_STEP_S
-            if abs(late_s) < _AT_ONCE_S:
-                one, other, late_s = drives[first], drives[i], 0.0
-            else:
-                one, other = drives[first][begins[first] :], drives[i][begins[i] :]
-            if same_course(one, other):
-                number[i], late[i] = first, late_s
-                break
-    return number, late
-
-
-def _begins(drive: Floats, least: float) -> int:
-    """Find the cell in which an input first leaves where it was by a share of its range."""
-    moved = np.abs(drive - drive[0]) > least * float(np.ptp(drive))
-    return int(np.argmax(moved))
-
-
-def same_course(one: Floats, other: Floats) -> bool:
-    """Say whether two inputs, at like times from where each begins, took the same course."""
-    n = min(one.size, other.size)
-    if n < 0.9 * max(one.size, other.size):
-        return False
-    size = max(float(np.abs(one).max()), 1e-9)
-    return float(np.mean(np.abs(one[:n] - other[:n]))) < 0.03 * size
 
 
 def curve_columns(angle_deg: Floats) -> Floats:

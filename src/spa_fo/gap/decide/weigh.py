@@ -160,7 +160,8 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
     parts: list[_Part | None] = []
     known = [f for f in found.fits.values() if np.isfinite(f.logs).all()]
     known = [f for f in known if not set(f.ids) & set(found.excluded)]
-    worth_it = max(float(f.logs.max()) - price(f) for f in known) - WORTH_WEIGHING
+    best = max((float(f.logs.max()) - price(f) for f in known), default=-np.inf)
+    worth_it = best - WORTH_WEIGHING
 
     def apart(one: Fitted, other: Ids) -> float:
         if other not in found.fits or at_port("line", one.ids) != at_port("line", other):

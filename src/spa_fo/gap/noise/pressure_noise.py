@@ -26,8 +26,8 @@ def pressure_noise(evidence: Evidence, known: Floats) -> Spectrum:
     """
     grid, reach = evidence.grid, evidence.reach
     assert grid.measured_kpa is not None
-    # Its prior is in degrees: as far as the pressure moves the angle.
-    per_kpa = reach.angle * USUAL_DEG / (reach.pressure * USUAL_KPA)
+    # Its prior is in degrees: as far as such a pressure usually moves an angle.
+    per_kpa = USUAL_DEG / (reach.pressure * USUAL_KPA)
     width_s = np.asarray(STEPS_S[grid.level[grid.sample_step]], dtype=np.float64)
     differences = []
     for repeated in repeats(evidence, per_kpa * grid.measured_kpa, evidence.takes_part):

@@ -29,6 +29,7 @@ from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.specimen import Memory
 from spa_fo.rig import Trial
+from spa_fo.rig.trials import zero_until
 
 Floats = NDArray[np.float64]
 
@@ -280,4 +281,6 @@ def _grid_after(grid: CampaignGrid, profile: Profile) -> CampaignGrid:
         )
         for k in range(profile.repeats)
     ]
+    if any(trial.zero_until_s > 0.0 for trial in grid.trials):  # so will these logs be
+        trials = [replace(trial, zero_until_s=zero_until(trial)) for trial in trials]
     return campaign_grid(trials, profile.name, grid.ends_s, longest=_LONGEST_LEVEL)

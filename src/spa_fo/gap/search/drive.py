@@ -19,7 +19,7 @@ from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import SHARES, Bench, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, row_cells, timing_error
-from spa_fo.gap.noise.coloured import Spectrum
+from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import between_repeats, pressure_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening
 from spa_fo.gap.prior import log_prior
@@ -138,7 +138,8 @@ def examine_drive(
     rooms = _rooms(evidence, step)
     fits: dict[Ids, DriveFit] = {(): alone(())}
     coloured = 0.0 if lag_known else float(whitening.spectrum.coloured.sum())
-    wander = float(np.sqrt(coloured)) / max(_rms(evidence.grid.command_kpa), 1e-9)
+    driven = _rms_driven(evidence.grid.command_kpa)
+    wander = float(np.sqrt(coloured)) / driven if driven > 0.0 else 0.0
     late = fits[()].z[-1] > QUICK_S  # which may be the drive's, as far as the pressure goes
     if late or _drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
@@ -155,8 +156,10 @@ def examine_drive(
     return _drive_of(evidence, fits, x, wander)
 
 
-def _rms(values: Floats | None) -> float:
-    return 0.0 if values is None else float(np.sqrt(np.mean(values**2)))
+def _rms_driven(command_kpa: Floats | None) -> float:
+    """RMS of a command where it is not 0."""
+    told = np.zeros(0) if command_kpa is None else command_kpa[command_kpa != 0.0]
+    return float(np.sqrt(np.mean(told**2))) if told.size else 0.0
 
 
 def _drive_of(
@@ -182,7 +185,9 @@ def _drive_of(
 def _whitening(evidence: Evidence, step_kpa: float, beyond: Spectrum | None) -> Whitening:
     """Say what is noise at the rows of the pressure, and how large the gap is."""
     known = timing_error(evidence) ** 2 + _BINNING_KPA**2
-    spectrum = pressure_noise(evidence, known)
+    spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
+    if beyond is None:  # which holds what repeats differ by
+        spectrum = pressure_noise(evidence, known)
     between = between_repeats(evidence, known + spectrum.coloured.sum())
     rows = rows_of(evidence, known + between)
     hidden = step_kpa / np.sqrt(12.0)

@@ -124,6 +124,7 @@ def droop(
             missing = given * (fast_missing + slow_missing - ahead * rise)
             if missing > 0.0 and missing > before:  # an empty chamber misses nothing
                 left = max(before, 0.0) / missing
+                coming *= left
                 fast_missing *= left
                 slow_missing *= left
                 missing *= left

@@ -1,0 +1,73 @@
+"""Which trials were run alike, and by how much later one runs its course than another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spa_fo.plant.grid import CampaignGrid
+from spa_fo.plant.memory import FINEST_STEP_S
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Of an input's range, by which a command has begun, and a measured pressure; what a delay of a
+# trial's own tells, s; of the largest input, by which two courses, on average, and their begins may
+# differ. Assumed.
+_TOLD, _MEASURED, _AT_ONCE_S, _LIKE = 0.02, 0.05, 0.05, 0.03
+
+
+def run_alike(grid: CampaignGrid) -> tuple[Integers, Floats]:
+    """Give each trial the number of the first one of the same experiment and course of its input.
+
+    And by how much later than that one it began it, s: nobody starts a log and a pump at once.
+    """
+    cells = grid.pressure_kpa if grid.command_kpa is None else grid.command_kpa
+    assert cells is not None
+    drives = np.split(cells, grid.cell_starts[1:-1])
+    begins = [_begins(drive, _MEASURED if grid.command_kpa is None else _TOLD) for drive in drives]
+    number, late = np.arange(len(drives)), np.zeros(len(drives))
+    for i, trial in enumerate(grid.trials):
+        for first in range(i):
+            if number[first] != first or grid.trials[first].experiment != trial.experiment:
+                continue
+            one, other = drives[first], drives[i]
+            later = _later(one, other, begins[first], begins[i])
+            if same_course(one[max(-later, 0) :], other[max(later, 0) :]):
+                number[i], late[i] = first, later * FINEST_STEP_S
+                break
+    return number, late
+
+
+def _later(one: Floats, other: Floats, begins: int, other_begins: int) -> int:
+    """Say by how many cells one input runs later than another; 0 where they fit as well as logged.
+
+    Both begin at one level. A glitch, or noise of a measured pressure, is no begin.
+    """
+    cells = other_begins - begins
+    if abs(cells) * FINEST_STEP_S < _AT_ONCE_S:
+        return 0
+    like = abs(one[0] - other[0]) < _LIKE * max(float(np.abs(one).max()), 1e-9)
+    moved = _apart(one[max(-cells, 0) :], other[max(cells, 0) :])
+    return cells if like and moved < 0.5 * _apart(one, other) else 0
+
+
+def _apart(one: Floats, other: Floats) -> float:
+    """Mean distance of two inputs over the time that both have."""
+    n = min(one.size, other.size)
+    return float(np.mean(np.abs(one[:n] - other[:n]))) if n else np.inf
+
+
+def _begins(drive: Floats, least: float) -> int:
+    """Find the cell in which an input first leaves where it was by a share of its range."""
+    moved = np.abs(drive - drive[0]) > least * float(np.ptp(drive))
+    return int(np.argmax(moved))
+
+
+def same_course(one: Floats, other: Floats) -> bool:
+    """Say whether two inputs, at like times from where each begins, took the same course."""
+    n = min(one.size, other.size)
+    if n < 0.9 * max(one.size, other.size):
+        return False
+    size = max(float(np.abs(one).max()), 1e-9)
+    return _apart(one, other) < _LIKE * size
