@@ -86,7 +86,7 @@ def droop(
         given = 1.0 - throttled_share + throttled_share * value / 30.0
         if given * (quick + slow) > max(value, 0.0):
             shrink = max(value, 0.0) / (given * (quick + slow))
-            coming, quick, slow = coming * shrink, quick * shrink, slow * shrink
+            quick, slow = quick * shrink, slow * shrink
         out.append(value - given * (quick + slow))
     return np.array(out)
 

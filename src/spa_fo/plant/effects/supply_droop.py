@@ -97,7 +97,8 @@ def droop(
 
     A pump fills a reservoir at a steady pace, a regulator from a larger one by what is missing: of
     the quick part `steady` comes back so, at the pace at which all that a rise to 30 kPa misses
-    would come back at first. What a rise misses builds up over the time `building`.
+    would come back at first. What a rise misses builds up over the time `building`,
+    also where the chamber is vented meanwhile: the reservoir has been drawn from.
     A supply that has sagged gives less by so much, or, behind a throttle, by its share of what is
     drawn: then hardly anything of a small pressure is missing, and the supply goes on recovering.
     """
@@ -124,7 +125,6 @@ def droop(
             missing = given * (fast_missing + slow_missing - ahead * rise)
             if missing > 0.0 and missing > before:  # an empty chamber misses nothing
                 left = max(before, 0.0) / missing
-                coming *= left
                 fast_missing *= left
                 slow_missing *= left
                 missing *= left
