@@ -23,7 +23,7 @@ from spa_fo.identify import fit_campaign
 from spa_fo.plant import read_model
 from spa_fo.report.change import answer, change_figure
 from spa_fo.rig import read_campaign, read_trials
-from spa_fo.rig.trials import before_first_change
+from spa_fo.rig.first_change import before_first_change
 
 RICH = {"name": "rich", "repeats": 2}
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from spa_fo.api.show import text_table
 from spa_fo.rig import CampaignData, Experiment, Trial
-from spa_fo.rig.trials import before_first_change
+from spa_fo.rig.first_change import before_first_change
 
 Floats = NDArray[np.float64]
 Range = tuple[float, float]

@@ -9,7 +9,7 @@ import numpy as np
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.rig import CampaignData, Trial
-from spa_fo.rig.trials import before_first_change
+from spa_fo.rig.first_change import before_first_change
 
 
 def at_rest_deg(data: CampaignData, plain: Model) -> float:

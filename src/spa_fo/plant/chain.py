@@ -19,7 +19,8 @@ from spa_fo.plant.effects.hysteresis import STOPS
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.own import acting
 from spa_fo.plant.effects.sensor_slip import slipped
-from spa_fo.plant.grid import CampaignGrid, rest_levels
+from spa_fo.plant.grid import CampaignGrid
+from spa_fo.plant.grid_steps import rest_levels
 from spa_fo.plant.memory import STEPS_S, Contour, contour_for, rises
 from spa_fo.plant.specimen import Memory, Mounting
 from spa_fo.plant.stages import felt_angle, logged_angle, moving_pressure, true_pressure

@@ -14,19 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.errors import BadInput
+from spa_fo.plant.grid_steps import rest_levels, step_levels
 from spa_fo.plant.lost_rows import command_times
-from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S, read_rows
+from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S, read_rows
 from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_JUMP = 0.02  # of the largest input, within one cell
-_CORNER = 0.02  # of the largest input, by which it leaves its line within `_CORNER_S`
-_CORNER_S = 0.32
-_GROWTH = 10.0  # a step is at most this part of the time since the last jump or corner
 _LONGEST = 3  # level of the longest step within a trial: 0.16 s
-_FIRST_REST = 2  # level of the first step of a rest
 _NEARLY_OVER = 1e-6  # of a cell: what rounding makes of a row at its end
 
 
@@ -205,7 +201,7 @@ def campaign_grid(
     held_from = command_times(ordered)
     laid = [_lay(trial, source, t_s) for trial, t_s in zip(ordered, held_from, strict=True)]
     largest = max(float(np.abs(item.drive).max()) for item in laid)
-    steps = [_steps(item.drive, largest, longest) for item in laid]
+    steps = [step_levels(item.drive, largest, longest) for item in laid]
 
     lead = _NO_REST
     if rested_from_s is not None:
@@ -321,55 +317,6 @@ def acting_command(trial: Trial, source: object = "campaign") -> Floats:
     if command is None:
         raise BadInput(str(source), f"{trial.label} holds no command")
     return np.asarray(command[_cell_at(command.size, trial.t_s)])
-
-
-def _steps(drive: Floats, largest: float, longest: int) -> Integers:
-    """Choose the step levels of one trial."""
-    jumps = np.flatnonzero(np.abs(np.diff(drive, prepend=0.0)) > _JUMP * largest)
-    jumps = np.union1d(jumps, _corners(drive, jumps, _CORNER * largest))
-    jumps = np.append(jumps, drive.size)
-    levels = []
-    at, since, following = 0, -drive.size, 0
-    while at < drive.size:
-        while jumps[following] <= at and following < jumps.size - 1:
-            since = int(jumps[following])
-            following += 1
-        room = int(jumps[following] if jumps[following] > at else drive.size) - at
-        allowed = max(1.0, (at - since) / _GROWTH)
-        level = min(longest, int(np.log2(allowed)), int(np.log2(room)))
-        levels.append(level)
-        at += 2**level
-    return np.array(levels, dtype=np.int64)
-
-
-def _corners(drive: Floats, jumps: Integers, least: float) -> Integers:
-    """Find where a ramp begins, turns or ends: a response bends there nearly as after a jump."""
-    width = round(_CORNER_S / FINEST_STEP_S)
-    # Three windows about every cell, the drive held before its begin and after its end.
-    padded = np.pad(drive, (width + width // 2, 2 * width), mode="edge")
-    total = np.concatenate([[0.0], np.cumsum(padded)])
-    mean = (total[width:] - total[:-width]) / width
-    bend = np.abs(mean[2 * width :] - 2.0 * mean[width:-width] + mean[: -2 * width])[: drive.size]
-    for jump in jumps.tolist():
-        bend[max(jump - 2 * width, 0) : jump + 2 * width] = 0.0
-    found = []
-    while bend.max() > least:
-        at = int(np.argmax(bend))
-        found.append(at)
-        bend[max(at - 2 * width, 0) : at + 2 * width] = 0.0
-    return np.array(found, dtype=np.int64)
-
-
-def rest_levels(seconds: float) -> Integers:
-    """Split a rest into steps that grow."""
-    left = max(0, round(seconds / FINEST_STEP_S))
-    levels, level = [], _FIRST_REST
-    while left > 0:
-        level = min(level, int(np.log2(left)), LEVELS - 1)
-        levels.append(level)
-        left -= 2**level
-        level += 1
-    return np.array(levels, dtype=np.int64)
 
 
 def _average(trial: Trial, level: Integers, first: int) -> _Samples:

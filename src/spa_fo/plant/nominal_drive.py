@@ -20,7 +20,7 @@ from spa_fo.errors import BadInput
 from spa_fo.plant.memory import FINEST_STEP_S
 from spa_fo.plant.model_file import Model
 from spa_fo.rig import CampaignData, Trial
-from spa_fo.rig.trials import before_first_change
+from spa_fo.rig.first_change import before_first_change
 
 Floats = NDArray[np.float64]
 

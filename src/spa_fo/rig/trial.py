@@ -48,5 +48,5 @@ class Trial:
 
     def zeroed(self, angle_deg: Floats) -> Floats:
         """Take its own zero off angles at its samples, if it has one."""
-        before = (self.t_s < self.zero_until_s) & ~self.after_reset
+        before = self.t_s < self.zero_until_s
         return np.asarray(angle_deg - angle_deg[before].mean()) if before.any() else angle_deg

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from spa_fo import atomic
 from spa_fo.errors import BadInput
 from spa_fo.rig.campaign import Campaign, Experiment, TrialFile
+from spa_fo.rig.first_change import zero_until
 from spa_fo.rig.trial import Trial
-from spa_fo.rig.trials import zero_until
 
 Floats = npt.NDArray[np.float64]
 

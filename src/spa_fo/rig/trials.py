@@ -20,6 +20,7 @@ from spa_fo.rig.campaign import (
     TrialFile,
 )
 from spa_fo.rig.csv_log import read_csv_log
+from spa_fo.rig.first_change import before_first_change, zero_until
 from spa_fo.rig.parse_report import FileReport, ParseReport, Tally
 from spa_fo.rig.plausibility import implausible
 from spa_fo.rig.protocol_check import contradiction
@@ -386,22 +387,3 @@ def _within(
             f"calibration, {low:g} to {high:g} deg, and are left out"
         )
     return samples.without(far, "far outside calibration")
-
-
-def before_first_change(samples: _Samples | Trial) -> int:
-    """Count the samples before the input first leaves its first value."""
-    if samples.command_kpa is not None:
-        signal, threshold = samples.command_kpa, 0.02
-    elif samples.pressure_kpa is not None:
-        signal, threshold = samples.pressure_kpa, 0.05
-    else:
-        return int(samples.t_s.size)
-    moved = np.abs(signal - signal[0]) > threshold * np.ptp(signal)
-    return int(np.argmax(moved)) if moved.any() else int(signal.size)
-
-
-def zero_until(samples: _Samples | Trial) -> float:
-    """Time in a log, s, before which the samples stand that `before_first_change` counts."""
-    since_s = samples.t_s - samples.t_s[0]
-    before = before_first_change(samples)
-    return float(since_s[before]) if before < since_s.size else float(np.inf)

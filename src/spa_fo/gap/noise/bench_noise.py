@@ -43,7 +43,7 @@ TYPICAL = Scatter(
 _FIXED_DEG = 0.03  # error of averaging a curve over a step
 _RATE_STEP = 2e-3
 _CURVE_KNOTS, _CURVE_BENDS = 9, 1e-3  # of readings over predictions; how stiff it is
-FEWEST_ROWS = 12  # averaged samples that trials must share
+_FEWEST_ROWS = 12  # averaged samples that trials must share
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,10 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     # Where readings saturate less of a trial's gain shows: told by what explains repeats better.
     whole, part = np.ones(plain.size), shown_of_gain(plain, evidence.grid.angle_deg)
     quicker = (quick - plain) / _RATE_STEP
-    tried = [[_taken_apart(evidence, a, quicker, shown) for a in alike] for shown in (whole, part)]
+    fixed = np.full(plain.size, _FIXED_DEG**2)
+    tried = [
+        [taken_apart(evidence, a, fixed, quicker, shown) for a in alike] for shown in (whole, part)
+    ]
     differences = min(([d for d in one if d is not None] for one in tried), key=unexplained)
     spectrum = estimate(differences, evidence.noise_deg)
     nats, zeros_deg, gains = 0.0, None, None
@@ -246,16 +249,24 @@ def shown_of_gain(plain_deg: Floats, angle_deg: Floats) -> Floats:
     return np.where(plain_deg > knots[1], np.clip(share, 0.0, 1.0), 1.0)
 
 
-def _taken_apart(
-    evidence: Evidence, repeated: Repeats, quicker: Floats, shown: Floats
+def taken_apart(
+    evidence: Evidence,
+    repeated: Repeats,
+    fixed: Floats,
+    quicker: Floats | None = None,
+    shown: Floats | None = None,
 ) -> Differences | None:
-    """Take trials that were run alike apart, where all of them have samples."""
+    """Take trials that were run alike apart, where all of them have samples; None if too few do.
+
+    `fixed` is the known variance of the averaged samples, (n,); for the others see `contrasts`.
+    """
     seen = np.isfinite(repeated.values).all(axis=0)
-    if len(repeated.trials) < 2 or np.count_nonzero(seen) < FEWEST_ROWS:
+    if len(repeated.trials) < 2 or np.count_nonzero(seen) < _FEWEST_ROWS:
         return None
     rows, grid = repeated.rows[seen], evidence.grid
     width_s = np.asarray(STEPS_S[grid.level[grid.sample_step[rows]]], dtype=np.float64)
-    fixed = np.full(rows.size, _FIXED_DEG**2)
-    averages = Averages(grid.time_s[rows], width_s, repeated.weight[seen], fixed)
+    averages = Averages(grid.time_s[rows], width_s, repeated.weight[seen], fixed[rows])
     which = np.eye(len(grid.trials))[repeated.trials]
-    return contrasts(repeated.values[:, seen], averages, quicker[rows], which, shown[rows])
+    scaled = np.zeros(rows.size) if quicker is None else quicker[rows]
+    part = None if shown is None else shown[rows]
+    return contrasts(repeated.values[:, seen], averages, scaled, which, part)

@@ -40,6 +40,7 @@ _MOST_ROWS = 100
 _LINE_NATS = 10.0  # beyond the price of the search: a line in the differences is no noise
 _LINE_HZ = np.linspace(0.03, 3.2, 400)
 _REGULAR = 1e-6  # variance that keeps the covariance of a smooth signal regular
+_ALWAYS_UNSURE = 0.15  # nat, of ln(noise level), however many repeats there are. Assumed.
 _OWN_FREEDOM = 2.0  # degrees of freedom that a bench's typical scatter counts as
 
 
@@ -264,7 +265,7 @@ def level_spread(repeats: int) -> float:
     """By how much the noise is more or less than estimated: 1 sigma of its logarithm."""
     if not repeats:
         return SETTINGS.level_alone
-    return SETTINGS.level_repeated / float(np.sqrt(repeats)) + 0.15
+    return SETTINGS.level_repeated / float(np.sqrt(repeats)) + _ALWAYS_UNSURE
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence, repeats
-from spa_fo.gap.noise.bench_noise import FEWEST_ROWS
-from spa_fo.gap.noise.coloured import CORRELATION_S, Averages, Spectrum, contrasts, estimate
+from spa_fo.gap.noise.bench_noise import taken_apart
+from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum, estimate
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA
-from spa_fo.plant.memory import STEPS_S
 
 Floats = NDArray[np.float64]
 
@@ -28,19 +27,17 @@ def pressure_noise(evidence: Evidence, known: Floats) -> Spectrum:
     assert grid.measured_kpa is not None
     # Its prior is in degrees: as far as such a pressure usually moves an angle.
     per_kpa = USUAL_DEG / (reach.pressure * USUAL_KPA)
-    width_s = np.asarray(STEPS_S[grid.level[grid.sample_step]], dtype=np.float64)
     differences = []
     for repeated in repeats(evidence, per_kpa * grid.measured_kpa, evidence.takes_part):
-        seen = np.isfinite(repeated.values).all(axis=0)
-        if len(repeated.trials) < 2 or np.count_nonzero(seen) < FEWEST_ROWS:
-            continue
-        own = repeated.rows[seen]
         # Where trials jump one after the other they differ by far more than anything that wanders.
-        variance = repeated.values[:, seen].var(axis=0, ddof=1)
-        jumps = variance > _JUMPS * np.median(variance)
-        fixed = per_kpa**2 * known[own] + np.where(jumps, variance, 0.0)
-        averages = Averages(grid.time_s[own], width_s[own], grid.counts[own], fixed)
-        one = contrasts(repeated.values[:, seen], averages, np.zeros(own.size))
+        seen, fixed = np.isfinite(repeated.values).all(axis=0), per_kpa**2 * known
+        if len(repeated.trials) > 1 and seen.any():
+            variance = repeated.values[:, seen].var(axis=0, ddof=1)
+            jumps = variance > _JUMPS * np.median(variance)
+            fixed[repeated.rows[seen]] += np.where(jumps, variance, 0.0)
+        one = taken_apart(evidence, repeated, fixed)
+        if one is None:
+            continue
         # An offset and a gain of a trial's own are the slow part of it; a delay may be the log's.
         differences.append(replace(one, nuisances=one.nuisances[:, 2:3]))
     white = evidence.pressure_noise_kpa

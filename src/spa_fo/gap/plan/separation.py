@@ -29,7 +29,7 @@ from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.specimen import Memory
 from spa_fo.rig import Trial
-from spa_fo.rig.trials import zero_until
+from spa_fo.rig.first_change import zero_until
 
 Floats = NDArray[np.float64]
 

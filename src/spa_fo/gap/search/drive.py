@@ -137,9 +137,7 @@ def examine_drive(
 
     rooms = _rooms(evidence, step)
     fits: dict[Ids, DriveFit] = {(): alone(())}
-    coloured = 0.0 if lag_known else float(whitening.spectrum.coloured.sum())
-    driven = _rms_driven(evidence.grid.command_kpa)
-    wander = float(np.sqrt(coloured)) / driven if driven > 0.0 else 0.0
+    wander = 0.0 if beyond is not None else _wander(evidence, whitening.spectrum)
     late = fits[()].z[-1] > QUICK_S  # which may be the drive's, as far as the pressure goes
     if late or _drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
@@ -156,10 +154,12 @@ def examine_drive(
     return _drive_of(evidence, fits, x, wander)
 
 
-def _rms_driven(command_kpa: Floats | None) -> float:
-    """RMS of a command where it is not 0."""
-    told = np.zeros(0) if command_kpa is None else command_kpa[command_kpa != 0.0]
-    return float(np.sqrt(np.mean(told**2))) if told.size else 0.0
+def _wander(evidence: Evidence, noise: Spectrum) -> float:
+    """RMS by which repeats wander, of that of the command where it is one."""
+    command_kpa = evidence.grid.command_kpa
+    assert command_kpa is not None
+    told = command_kpa[command_kpa != 0.0]
+    return float(np.sqrt(noise.coloured.sum() / np.mean(told**2))) if told.size else 0.0
 
 
 def _drive_of(
