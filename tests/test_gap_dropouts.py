@@ -144,6 +144,16 @@ def test_a_sine_or_a_step_long_ago_hides_no_dropout(interval_s: float) -> None:
         assert np.abs(found - one.angle_deg).max() < 2.0, at
 
 
+def test_what_comes_back_to_where_it_was_is_no_swing() -> None:
+    trial = overshooting(0.01, 0.2, 0.7, 0.2)
+    off, at = trial.angle_deg.copy(), 502  # 20 ms after the step
+    off[at] += 20.0
+    data = CampaignData(cast(Any, None), (replace(trial, angle_deg=off),))
+    found = without_dropouts(data).trials[0].angle_deg
+    assert np.abs(found - trial.angle_deg).max() < 1.5
+    np.testing.assert_array_equal(np.delete(found, at), np.delete(trial.angle_deg, at))
+
+
 def test_samples_that_are_held_twice_are_left() -> None:
     held = np.repeat(SHAPES["triangle"][::8], 2)
     np.testing.assert_array_equal(mended(held), held)

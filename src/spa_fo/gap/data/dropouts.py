@@ -24,6 +24,7 @@ Bools = NDArray[np.bool_]
 # how large noise is, of which those that are off are no more, and times the first that it may be.
 # All assumed.
 _ABOUT, _FAR = 5, 11
+_SIDE, _BESIDE = 3, 3  # samples whose median stands for a side, and how far its middle is away
 _LONG = 55  # samples, of which a ramp that is as good as a jump is less than half. Assumed.
 _NOISES, _MOTIONS = 8.0, 3.0
 _AFTER_S, _AFTER, _JUMP = 1.0, 10, 0.02
@@ -62,7 +63,7 @@ def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
     angle_deg : (n,) array
         What was read.
     swings : (n,) bool array, optional
-        Where the angle may move and come back as fast itself.
+        Where the angle may move as fast itself: it comes back from a dropout to where it was.
 
     Returns
     -------
@@ -84,8 +85,16 @@ def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
     dropped = (off > _NOISES * noise) & (off > _MOTIONS * moving)
     dropped[[0, -1]] = False  # nothing says that it comes back
     if swings is not None:
-        dropped &= ~swings
+        dropped &= ~swings | (off > _MOTIONS * _moved_across(angle_deg))
     return np.where(dropped, about, angle_deg)
+
+
+def _moved_across(angle_deg: Floats) -> Floats:
+    """Say by how much the medians of the samples before and after each one are apart."""
+    medians = np.asarray(median_filter(angle_deg, _SIDE, mode="nearest"))
+    away = np.arange(angle_deg.size)[:, None] + np.array([-_BESIDE, _BESIDE])
+    before, after = medians[np.clip(away, 0, angle_deg.size - 1)].T
+    return np.asarray(np.abs(after - before))
 
 
 def _swings(trial: Trial) -> Bools:
