@@ -16,22 +16,25 @@ def delay(signal, seconds):
     return np.concatenate([np.zeros(late), signal[: signal.size - late]])
 
 
-def low_pass(signal, time_constant):
-    """Means over each millisecond."""
+def low_pass(signal, time_constant, venting_excess=0.0):
+    """Means over each millisecond; a fall may take longer than a rise."""
     out, now = [], 0.0
     for value in signal:
         before = now
-        now += (value - now) * (1.0 - math.exp(-MS / time_constant))
+        longer = 1.0 + venting_excess if value < now else 1.0
+        now += (value - now) * (1.0 - math.exp(-MS / (longer * time_constant)))
         out.append(0.5 * (before + now))
     return np.array(out)
 
 
-def lag(signal, time_constant_s, second_pole, tail_share):
+def lag(signal, time_constant_s, second_pole, tail_share, venting_excess=0.0):
     """One part through two filters, the other through one that is four times as late."""
     mean = (1.0 - tail_share) + 4.0 * tail_share
     quick = time_constant_s / mean
-    first = low_pass(low_pass(signal, quick * (1.0 - second_pole)), quick * second_pole)
-    return (1.0 - tail_share) * first + tail_share * low_pass(signal, 4.0 * quick)
+    first = low_pass(signal, quick * (1.0 - second_pole), venting_excess)
+    first = low_pass(first, quick * second_pole, venting_excess)
+    tail = low_pass(signal, 4.0 * quick, venting_excess)
+    return (1.0 - tail_share) * first + tail_share * tail
 
 
 def play(signal, width, centre, wait=0.0, vented=0.0):

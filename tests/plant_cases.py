@@ -21,7 +21,12 @@ SIXTY = 55.0  # kPa: settles at 60 degrees
 # One visible size of each effect; what is not named here begins where searches do.
 SIZES: dict[str, dict[str, float]] = {
     "dead_time": {"delay_s": 0.13},
-    "line_lag": {"time_constant_s": 0.4, "second_pole": 0.3, "tail_share": 0.2},
+    "line_lag": {
+        "time_constant_s": 0.4,
+        "second_pole": 0.3,
+        "tail_share": 0.2,
+        "venting_excess": 0.5,
+    },
     "supply_droop": {
         "fraction": 0.12,
         "recovery_s": 2.0,

@@ -64,3 +64,23 @@ def test_the_diagnosis_sees_by_itself_that_a_model_is_the_campaign_s_own(
     assert any("fitted to this campaign" in finding for finding in said.findings)
     assert all("parameter_shift" not in ids for ids in said.sets)
     assert not any("fitted to this" in each for each in diagnose(data, core).findings)
+
+
+def test_a_model_that_a_crude_fit_has_bent_is_no_other_specimen_s(bent: tuple[Path, Model]) -> None:
+    folder, core = bent
+    data = read(folder)
+    evidence, x = collect(data), core.transfer_function.as_array()
+    curve, _ = angle_chain(evidence, x, None).run(x, absent())
+    up = curve > 0.5 * curve.max()  # it looked at large angles alone, and at two coefficients
+    x[4] *= float(evidence.grid.angle_deg[up] @ curve[up] / (curve[up] @ curve[up]))
+    x[2] *= 1.3
+    assert not fitted_to(evidence, x)
+    crude = replace(core, transfer_function=TransferFunction.from_array(x), extra={})
+    said = diagnose(data, replace(crude, campaign=data.campaign.name))
+    assert said.sets[0] == ("stiffening",)
+    assert not any("parameter_shift" in ids for ids in said.sets)
+    assert any("fitted to this campaign" in finding for finding in said.findings)
+    # One that says that it was identified elsewhere has not bent with this gap.
+    other = diagnose(data, replace(crude, campaign="another"))
+    assert not any("fitted to this campaign" in finding for finding in other.findings)
+    assert other.kind == "unknown" or "parameter_shift" in other.sets[0]

@@ -309,7 +309,8 @@ def planned(truth: str, other: str, tapped: bool = False) -> Any:
     # Blocks, largest first: softening looks like a gain that falls with the angle.
     blocks = "mullins_softening" in (truth, other)
     levels = (55.0, 55.0, 27.0, 27.0) if blocks else (27.0, 55.0, 27.0, 55.0)
-    where, true = bench(*map(up_step, levels), tapped=tapped), one(truth)
+    where = bench(*map(up_step, levels), tapped=tapped)
+    true = one(truth, line_lag={"venting_excess": 0.0})  # a linear filter, as a sensor's is
     return plan([true, fitted(one(other), true, where)], where, FLOOR_DEG)
 
 

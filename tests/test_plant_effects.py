@@ -16,7 +16,7 @@ from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, 
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.searched import at_rate
-from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
+from spa_fo.plant.chain import Chain, Usual, began_vented, chain_for, static_gain
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.drive_backlash import resting_kpa
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
@@ -884,14 +884,33 @@ def test_a_weight_that_bends_at_rest_shifts_what_is_linear() -> None:
 
 def test_a_pressure_that_stands_in_the_rests_is_that_of_the_drive() -> None:
     # A pump with play never vents the actuator: what moves it is the same, told or computed.
-    grid = campaign_grid(trials(step_release(), step_release(), step_release()), longest=0)
+    own = trials(step_release(), step_release(), step_release())
     effects = vector("drive_backlash", play_kpa=6.0, centre=1.0)
+    read_there = zip(own, angles(own, effects), strict=True)
+    own = tuple(replace(one, angle_deg=angle) for one, angle in read_there)
+    grid = campaign_grid(own, longest=0)
     commanded = chain_for(grid, X, KPA)
     angle, _ = commanded.readings(X, effects)
     known = commanded.pressure(effects, np.zeros(2))
     driven, _ = chain_for(grid, X, KPA, pressure_kpa=known).readings(X, absent())
     assert (angle[grid.step_starts[1:-1]] > 1.0).all()
     np.testing.assert_allclose(driven, angle, atol=1e-9)
+
+
+@pytest.mark.parametrize("vented", [True, False])
+def test_a_log_that_begins_as_its_command_comes_begins_at_rest(vented: bool) -> None:
+    first, second = trials(step_release(), step_release(rest=0.0))
+    (follows,) = angles((first,), absent())
+    settled = SIXTY / KPA * math.degrees(static_gain(X))
+    held = np.full(second.t_s.size, settled)
+    later = angles((second,), absent())[0] if vented else held
+    own = replace(first, angle_deg=follows), replace(second, angle_deg=later)
+    grid = campaign_grid(own, longest=0)
+    known = np.asarray(grid.command_kpa)
+    assert began_vented(grid, known[grid.cell_starts[:-1]], SIXTY).tolist() == [False, vented]
+    driven, _ = chain_for(grid, X, KPA, pressure_kpa=known).readings(X, absent())
+    begins = driven[grid.step_starts[1]]
+    assert begins == pytest.approx(0.0 if vented else settled, abs=1.0)
 
 
 def test_a_drift_may_take_a_third_of_the_gain_in_ten_minutes() -> None:

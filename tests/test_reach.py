@@ -28,17 +28,29 @@ def test_degrees_go_with_the_angle_and_kpa_with_the_pressure() -> None:
     assert lag.at(Reach(0.1, 10.0)) == lag
 
 
+def test_times_go_with_the_time_in_which_a_rig_rises() -> None:
+    lag = amplitude("lag_s", "s", spread=0.1, high=3.0, start=0.1)
+    slow = lag.at(Reach(time=5.0))
+    assert (slow.spread, slow.starts, slow.high) == (0.5, (0.5,), 3.0)
+    rate = shape("rate", "kPa/s", centre=100.0, factor=2.0, low=1.0, high=1e3)
+    assert rate.at(Reach(pressure=3.0, time=5.0)).centre == pytest.approx(60.0)
+    tone = amplitude("tone_hz", "Hz", spread=1.0, high=9.0, start=1.0)  # nothing of the rig's own
+    assert tone.at(Reach(time=5.0)) == tone
+    late = LIBRARY["sensor_lag"].parameters[0]
+    assert late.at(Reach(time=3.0)).starts == tuple(3.0 * each for each in late.starts)
+
+
 def test_powers_of_its_own_stand_before_the_unit() -> None:
     growth = LIBRARY["gain_growth"].parameters[0]
     assert growth.at(Reach(0.2, 5.0)).spread == pytest.approx(growth.spread / 5.0)
     assert replace(PLAY, goes_with=(0.0, 0.0)).at(Reach(2.0, 9.0)).spread == PLAY.spread
 
 
-@given(st.floats(0.01, 10.0), st.floats(0.01, 100.0))
-def test_centres_and_starts_stay_within_bounds(angle: float, pressure: float) -> None:
+@given(st.floats(0.01, 10.0), st.floats(0.01, 100.0), st.floats(0.1, 10.0))
+def test_centres_and_starts_stay_within_bounds(angle: float, pressure: float, time: float) -> None:
     for effect in LIBRARY.values():
         for parameter in effect.parameters:
-            there = parameter.at(Reach(angle, pressure))
+            there = parameter.at(Reach(angle, pressure, time=time))
             assert there.spread > 0.0
             assert all(there.low <= v <= there.high for v in (there.centre, *there.starts))
 

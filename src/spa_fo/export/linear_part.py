@@ -110,10 +110,13 @@ def linear_part(
 
 
 def _of_lag(
-    time_constant: float, second: float, tail: float
+    time_constant: float, second: float, tail: float, venting_excess: float
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Write a lag with a tail, (1 - w)/((1 + a s)(1 + b s)) + w/(1 + c s), as lags and leads."""
-    a, b, c = poles(time_constant, second, tail)
+    """Write a lag with a tail, (1 - w)/((1 + a s)(1 + b s)) + w/(1 + c s), as lags and leads.
+
+    Where a fall takes longer than a rise it takes the mean of both.
+    """
+    a, b, c = poles((1.0 + 0.5 * venting_excess) * time_constant, second, tail)
     if tail == 0.0:
         return (a, b), ()
     # As c is 4 (a + b) both zeros are real.

@@ -14,7 +14,7 @@ from scipy.ndimage import median_filter
 from spa_fo.gap.data.alike import run_alike
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
-from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, Reach
+from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, USUAL_RISE_S, Reach
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SPLINES
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
@@ -65,6 +65,7 @@ class Evidence:
     read_deg: float = 0.0  # largest angle that a reference has read
     step_deg: float = 0.0  # of the converter, as an angle; 0 where none shows
     line_deg: float = 0.0  # RMS of an interference that was taken off the angles
+    rise_s: float = USUAL_RISE_S  # in which the given model makes most of a step
 
     @cached_property
     def reach(self) -> Reach:
@@ -79,12 +80,23 @@ class Evidence:
             max(angle, _SHORTEST * USUAL_DEG) / USUAL_DEG,
             max(pressure, _SHORTEST * USUAL_KPA) / USUAL_KPA,
             self.read_deg,
+            self.rise_s / USUAL_RISE_S,
         )
 
     @cached_property
     def course_s(self) -> Floats:
         """Time of each averaged sample as that of the first trial alike has it, (n,)."""
         return np.asarray(self.grid.time_s - self.late_s[self.grid.sample_trial])
+
+    @property
+    def lasted_s(self) -> list[float]:
+        """How long each trial was sampled, s."""
+        return [float(np.ptp(self.grid.time_s[own])) for own in self.rows]
+
+    @property
+    def horizon_s(self) -> float:
+        """About how long a trial's first step lasted, s."""
+        return 0.5 * float(np.median(self.lasted_s))
 
     @property
     def used(self) -> NDArray[np.bool_]:

@@ -227,12 +227,28 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]
     return [part for part in parts if part is not None]
 
 
+def evidence_of(found: Explanations, floor_deg: float) -> float:
+    """Log evidence of the angle for all that may explain it together, as it is weighed."""
+    scores, _, unknown = _scores(_of_angle(found, floor_deg), floor_deg)
+    return float(logsumexp([*scores.values(), unknown]))
+
+
 def _normalised(
     parts: Sequence[_Part], floor_deg: float
 ) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
     """Probabilities of what is named, the best part of each, and the probability of `unknown`."""
     if not parts:
         return {(): 1.0}, {}, 0.0
+    scores, best, unknown = _scores(parts, floor_deg)
+    all_logs = np.array([*scores.values(), unknown])
+    weights = np.exp(all_logs - logsumexp(all_logs)).tolist()
+    return dict(zip(scores, weights, strict=False)), best, weights[-1]
+
+
+def _scores(
+    parts: Sequence[_Part], floor_deg: float
+) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
+    """Scores of what is named, the best part of each, and the score of `unknown`: logarithms."""
     scores: dict[Ids, float] = {}
     best: dict[Ids, _Part] = {}
     unknown = []
@@ -251,9 +267,7 @@ def _normalised(
         if part.named not in best or right > scores[part.named]:
             best[part.named], scores[part.named] = part, right
     # What stands in for an unknown effect is no hypothesis of its own: the best is enough.
-    all_logs = np.array([*scores.values(), max(unknown)])
-    weights = np.exp(all_logs - logsumexp(all_logs)).tolist()
-    return dict(zip(scores, weights, strict=False)), best, weights[-1]
+    return scores, best, max(unknown)
 
 
 def decide(

@@ -74,6 +74,12 @@ class Bench:
         size = local_size(rows, rows.merged(residual_deg) ** 2 - expected)
         return replace(self, whitening=replace(self.whitening, spectrum=spectrum, gap=size))
 
+    def missed_deg(self, predicted_deg: Floats) -> float:
+        """RMS of what a prediction, (n,), misses over the rows."""
+        rows = self.whitening.rows
+        left = rows.merged(self.evidence.grid.angle_deg - predicted_deg)
+        return float(np.sqrt(np.mean(left**2)))
+
     def without(self, trials: NDArray[np.bool_]) -> Bench:
         """Return the bench of all trials but some, (trials,) bool."""
         evidence = replace(self.evidence, takes_part=~trials)
@@ -131,8 +137,7 @@ def bench_for(
         By how much the given model errs by its own identification; None where it does not say.
     """
     noise, rows, grid = bench_noise(evidence, given, beyond), rows_of(evidence), evidence.grid
-    lasted = [float(np.ptp(grid.time_s[own_rows])) for own_rows in evidence.rows]
-    horizon = 0.5 * float(np.median(lasted))  # about as long as a trial's first step
+    lasted, horizon = evidence.lasted_s, evidence.horizon_s
     if own:
         coefficients = usual(given, horizon)
         centre = coefficients.mean

@@ -199,10 +199,10 @@ def typical(given: Floats, horizon_s: float) -> Floats:
     inertia, and with it what tells the search the way back. It was fitted to steps of `horizon_s`.
     """
     mean = np.mean([x.as_array() for x in TABLE_I.values()], axis=0)
-    rise = np.log(_rise_s(given, horizon_s))
+    rise = np.log(rise_s(given, horizon_s))
 
     def later(log_rate: float) -> float:
-        return float(np.log(_rise_s(at_rate(mean, float(np.exp(log_rate))), horizon_s)) - rise)
+        return float(np.log(rise_s(at_rate(mean, float(np.exp(log_rate))), horizon_s)) - rise)
 
     ends = np.log(_SLOWEST), np.log(_FASTEST)
     signs = [later(end) for end in ends]
@@ -215,7 +215,7 @@ def typical(given: Floats, horizon_s: float) -> Floats:
     return np.asarray(x)
 
 
-def _rise_s(x: Floats, horizon_s: float) -> float:
+def rise_s(x: Floats, horizon_s: float) -> float:
     """Time at which most of the response at the horizon is reached, s."""
     time = np.geomspace(1e-4, 1.0, _SAMPLES) * horizon_s
     y = step_response(time, *x)

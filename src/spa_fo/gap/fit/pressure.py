@@ -105,7 +105,7 @@ def lagged(cells_kpa: Floats, starts: Integers, lag_s: float) -> Floats:
         return cells_kpa
     rest = np.repeat(cells_kpa[starts[:-1]], np.diff(starts))
     shown = cells_kpa - rest
-    low_pass(shown, starts, lag_s)
+    low_pass(shown, starts, lag_s, 0.0)
     return rest + shown
 
 

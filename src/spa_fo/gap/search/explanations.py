@@ -8,11 +8,13 @@ where the best pair is worth it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
 from spa_fo.gap.prior import further_price, log_prior
@@ -31,7 +33,7 @@ from spa_fo.gap.search.fitted import (
 from spa_fo.gap.search.screening import beforehand, first_of, points_of, screen
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import Team, each, team
-from spa_fo.plant.effects.library import LIBRARY, at_port, beside, ordered, rare
+from spa_fo.plant.effects.library import LIBRARY, absent, at_port, beside, ordered, rare
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -110,9 +112,16 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     near = [f for f in near if not np.isfinite(f.logs).all()]
     for f in each(lambda f: weighed(bench, f), near):
         fits[f.ids] = f
-    for f in each(lambda f: weighed(bench, fit(bench, *f, plain)), _equals(fits, excluded)):
-        fits[f.ids] = f
+    more = each(lambda one: _equal(bench, *one, plain), _equals(fits, excluded))
+    fits |= {f.ids: f for f in more if f is not None}
     return Explanations(bench, fits, line, tuple(excluded))
+
+
+def _equal(bench: Bench, ids: Ids, points: list[Floats], plain: Fitted) -> Fitted | None:
+    """Fit and weigh what was put together; None where together it moves beyond all measure."""
+    with suppress(np.linalg.LinAlgError):
+        return weighed(bench, fit(bench, ids, points, plain))
+    return None
 
 
 def _equals(fits: dict[Ids, Fitted], excluded: Sequence[str]) -> list[tuple[Ids, list[Floats]]]:
@@ -232,7 +241,9 @@ def _gap_known(bench: Bench) -> Bench:
     """Say how large the gap is, and factor what all searches need."""
     y = plain_deg(bench)
     if bench.own:
-        y = fit(bench, (), bench.starts, share=0.0).predicted_deg
+        # What has bent with a gap misses no more of it than what is given does.
+        again = fit(bench, (), bench.starts, share=0.0).predicted_deg
+        y = min((again, bench.chain.run(to_x(bench.given), absent())[0]), key=bench.missed_deg)
     bench = bench.with_gap(bench.evidence.grid.angle_deg - y, y)
     for share in (SETTINGS.search_share, *SHARES):
         bench.whitening.factor(1.0, share)

@@ -53,12 +53,12 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
         ]
         droop(p, starts, fraction, recovery, slow, exponent, throttled, slower, steady, building)
     if not math.isnan(e[LINE_LAG]):
-        share = e[LINE_LAG + 2]
+        share, excess = e[LINE_LAG + 2], e[LINE_LAG + 3]
         slow, fast, latest = poles(e[LINE_LAG], e[LINE_LAG + 1], share)
         tail = p.copy()
-        low_pass(tail, starts, latest)
-        low_pass(p, starts, slow)
-        low_pass(p, starts, fast)
+        low_pass(tail, starts, latest, excess)
+        low_pass(p, starts, slow, excess)
+        low_pass(p, starts, fast, excess)
         p += share * (tail - p)
     if not math.isnan(e[LEAK]):
         lose(p, starts, e[LEAK], e[LEAK + 1], e[LEAK + 2], e[LEAK + 3])

@@ -34,6 +34,13 @@ RARER = 0.2
 
 USUAL_DEG, USUAL_KPA = 60.0, 60.0
 """Largest angle and pressure of a rig that what is plausible of parameters is written for."""
+USUAL_RISE_S = 1.1
+"""Time in which most of a step is made there: the paper's two actuators take 1.0 and 1.2 s."""
+_IN_TIME = {"s": 1.0, "1/s": -1.0, "kPa/s": -1.0}
+"""Powers of a rig's time scale that what is plausible goes with, by unit.
+
+A frequency is a regulator's, or the mains'.
+"""
 _GOES_WITH = {
     "deg": (1.0, 0.0),
     "deg per trial": (1.0, 0.0),
@@ -46,12 +53,14 @@ _GOES_WITH = {
 class Reach:
     """Largest angle and pressure of a rig, as multiples of `USUAL_DEG` and `USUAL_KPA`.
 
-    `read_deg` is the largest angle that the same sensor has read before, where a reference says it.
+    `read_deg` is the largest angle that the same sensor has read before, where a reference says it;
+    `time` the time in which the rig makes most of a step, as a multiple of `USUAL_RISE_S`.
     """
 
     angle: float = 1.0
     pressure: float = 1.0
     read_deg: float = 0.0
+    time: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -109,7 +118,8 @@ class Parameter:
         Its bounds stay, but for what was read before.
         """
         angle, pressure = self.goes_with or _GOES_WITH.get(self.unit, (0.0, 0.0))
-        factor = float(reach.angle**angle * reach.pressure**pressure)
+        time = _IN_TIME.get(self.unit, 0.0)
+        factor = float(reach.angle**angle * reach.pressure**pressure * reach.time**time)
         low = min(max(self.low, reach.read_deg), self.high) if self.beyond_read else self.low
 
         def scaled(value: float) -> float:
@@ -303,4 +313,4 @@ def share(
 def lateness(name: str, means: str = "", *, is_delay: bool = False) -> Parameter:
     """Make a time by which something is late."""
     starts = 0.03, 0.12, 0.4
-    return Parameter(name, "s", 0.0, 0.12, 0.0, 2.0, starts=starts, means=means, is_delay=is_delay)
+    return Parameter(name, "s", 0.0, 0.12, 0.0, 10.0, starts=starts, means=means, is_delay=is_delay)

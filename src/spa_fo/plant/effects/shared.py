@@ -131,16 +131,19 @@ def switched(time_s: Floats, since: float) -> Floats:
 
 
 @njit
-def low_pass(p: Floats, starts: Integers, time_constant: float) -> None:
-    """First-order lag; means over cells of an input that is constant in each."""
+def low_pass(p: Floats, starts: Integers, time_constant: float, venting_excess: float) -> None:
+    """First-order lag; means over cells of an input that is constant in each.
+
+    A fall takes longer than a rise by `venting_excess`, as a part of that.
+    """
     if time_constant <= 0.0:
         return
-    x = FINEST_STEP_S / time_constant
-    keep = math.exp(-x)
-    mean = -math.expm1(-x) / x
+    x = FINEST_STEP_S / (time_constant * np.array([1.0, 1.0 + venting_excess]))
+    keeps, means = np.exp(-x), -np.expm1(-x) / x
     for trial in range(starts.size - 1):
         now = 0.0
         for i in range(starts[trial], starts[trial + 1]):
             distance = now - p[i]
-            p[i] += distance * mean
-            now = p[i] - distance * mean + distance * keep
+            falls = 1 if distance > 0.0 else 0
+            p[i] += distance * means[falls]
+            now += distance * (keeps[falls] - 1.0)
