@@ -53,7 +53,12 @@ SIZES: dict[str, dict[str, float]] = {
     "hysteresis": {"moment_deg": 4.0, "turn_deg": 20.0, "tail": 1.5},
     "thermal_drift": {"per_hour": 0.5, "fading_per_hour": 0.5},
     "parameter_shift": {},
-    "sensor_nonlinearity": {"at_minus_10deg": 1.0, "at_24deg": 2.0, "at_60deg": -3.0},
+    "sensor_nonlinearity": {
+        "at_minus_10deg": 1.0,
+        "at_24deg": 2.0,
+        "at_60deg": -3.0,
+        "stretch": 0.8,
+    },
     "sensor_saturation": {"ceiling_deg": 50.0, "knee_deg": 3.0},
     "sensor_lag": {"time_constant_s": 0.3, "second_pole": 0.3, "tail_share": 0.2},
     "sensor_creep": {"per_decade": 0.06, "typical_s": 6.0, "decades": 0.8},

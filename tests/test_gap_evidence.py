@@ -9,8 +9,15 @@ import pytest
 
 import campaigns
 from plant_cases import campaign_data, trials
-from spa_fo.gap.data.evidence import collect, noise_floor, repeats
+from spa_fo.gap.data.evidence import (
+    _curve_stretch,
+    collect,
+    curve_columns,
+    noise_floor,
+    repeats,
+)
 from spa_fo.gap.noise.bench_noise import bench_noise
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
 
 BEGIN_S, END_S = 0.7, 1.3  # of a gap in which the command rises
@@ -173,3 +180,11 @@ def test_what_begins_elsewhere_is_no_repeat_that_is_late(clean: CampaignData) ->
     evidence = collect(replace(clean, trials=(replace(late, command_kpa=before), *others)))
     alike = next(i for i, t in enumerate(evidence.grid.trials) if t.order == first.order)
     assert np.count_nonzero(evidence.alike == evidence.alike[alike]) == 1
+
+
+def test_an_error_of_the_curve_may_bend_as_often_over_a_small_range() -> None:
+    for reach, stretch in ((20.0, 1.0 / 3.0), (60.0, 1.0), (80.0, 1.0), (180.0, 2.0)):
+        assert _curve_stretch(reach) == pytest.approx(stretch)
+    knots = np.array(CURVE_KNOTS_DEG[2:])
+    at_knots = curve_columns(knots / 3.0, 1.0 / 3.0)[:, 1:]
+    np.testing.assert_allclose(at_knots, np.eye(knots.size), atol=1e-12)

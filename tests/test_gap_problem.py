@@ -249,8 +249,11 @@ def looped(loop_deg: float, ways: int = 2) -> Calibration:
 
 def test_beside_a_hysteresis_the_calibrations_loop_is_no_error_of_its_curve() -> None:
     inside = slice(1, 5)  # knots from 12 to 48 deg
-    assert (_curve_sigma(looped(4.0), loop=True)[inside] > 0.5).all()
-    apart, none = _curve_sigma(looped(4.0), loop=False), _curve_sigma(looped(0.0), loop=True)
+    assert (_curve_sigma(looped(4.0), 1.0, loop=True)[inside] > 0.5).all()
+    apart, none = (
+        _curve_sigma(looped(4.0), 1.0, loop=False),
+        _curve_sigma(looped(0.0), 1.0, loop=True),
+    )
     np.testing.assert_allclose(apart, none, atol=0.03)
 
 

@@ -454,10 +454,11 @@ def low_passed(angle: np.ndarray, p: dict[str, float]) -> np.ndarray:
     return naive.lag(fine, **p)[CELL - 1 :: CELL]
 
 
-def curve_errors(p: dict[str, float]) -> list[float]:
-    errors = list(p.values())
+def curve_of(p: dict[str, float]) -> tuple[np.ndarray, list[float]]:
+    """Give the knots of an error of the curve, and the error there."""
+    *errors, stretch = p.values()
     errors.insert(CURVE_KNOTS_DEG.index(0.0), 0.0)
-    return errors
+    return stretch * np.array(CURVE_KNOTS_DEG), errors
 
 
 def soft_minimum(angle: float, ceiling: float, knee: float) -> float:
@@ -467,7 +468,7 @@ def soft_minimum(angle: float, ceiling: float, knee: float) -> float:
 
 
 SENSORS = {
-    "sensor_nonlinearity": lambda y, p: naive.curve(y, CURVE_KNOTS_DEG, curve_errors(p)),
+    "sensor_nonlinearity": lambda y, p: naive.curve(y, *curve_of(p)),
     "sensor_saturation": lambda y, p: np.array(
         [soft_minimum(a, p["ceiling_deg"], p["knee_deg"]) for a in y]
     ),

@@ -52,7 +52,8 @@ class Evidence:
     noise_deg: float  # white noise of one sample's angle
     pressure_noise_kpa: float  # the same of its pressure; NaN without
     variance: Floats  # (n,): of each averaged sample, deg²
-    curve_sigma_deg: Floats  # (knots,): error of the calibrated curve at `CURVE_KNOTS_DEG`
+    curve_stretch: float  # knots of an unknown sensor curve, as multiples of `CURVE_KNOTS_DEG`
+    curve_sigma_deg: Floats  # (knots,): error of the calibrated curve there
     curve_apart_deg: Floats  # (knots,): the same where an effect is the calibration's loop
     fixture: Fixture | None  # dwells of all calibrations
     drift_deg: Floats  # (m,): what later ones read through the first curve, less what it read
@@ -122,6 +123,7 @@ def collect(data: CampaignData) -> Evidence:
     pressures = [t.pressure_kpa for t in grid.trials if t.pressure_kpa is not None]
     drift, sigma, angles, after = _drifts(data, grid)
     alike, late_s = run_alike(grid)
+    stretch = _curve_stretch(largest_deg(grid.trials))
     return Evidence(
         data=data,
         grid=grid,
@@ -134,8 +136,9 @@ def collect(data: CampaignData) -> Evidence:
         variance=noise**2 / grid.counts
         + _BINNING_DEG**2
         + (np.hypot(_TIMING_S, _unsure_s(grid, rows)) * _rates(grid, rows)) ** 2,
-        curve_sigma_deg=_curve_sigma(data.calibration),
-        curve_apart_deg=_curve_sigma(data.calibration, loop=False),
+        curve_stretch=stretch,
+        curve_sigma_deg=_curve_sigma(data.calibration, stretch),
+        curve_apart_deg=_curve_sigma(data.calibration, stretch, loop=False),
         fixture=fixture_of(data.calibrations, grid.trials[0].started_s),
         drift_deg=drift,
         drift_sigma_deg=sigma,
@@ -192,14 +195,26 @@ def _unsure_s(grid: CampaignGrid, rows: list[Integers]) -> Floats:
     return unsure
 
 
-def curve_columns(angle_deg: Floats) -> Floats:
-    """Give what a unit error of the sensor curve at each knot but 0° makes, (n, knots)."""
-    return np.asarray(CURVE_SPLINES(angle_deg))
+def curve_columns(angle_deg: Floats, stretch: float = 1.0) -> Floats:
+    """Give what a unit error of the sensor curve at each knot but 0° makes, (n, knots).
+
+    The knots are `stretch` times `CURVE_KNOTS_DEG`.
+    """
+    return np.asarray(CURVE_SPLINES(angle_deg / stretch))
 
 
-def _curve_sigma(calibration: Calibration | None, loop: bool = True) -> Floats:
+def _curve_stretch(largest_deg: float) -> float:
+    """Let knots lie as close over a small range as over a usual one, and reach as far as a large.
+
+    Over 20° two of them stood, between which no curve could bend.
+    """
+    reach = max(largest_deg, _SHORTEST * USUAL_DEG)
+    return max(min(reach / USUAL_DEG, 1.0), reach / CURVE_KNOTS_DEG[-1])
+
+
+def _curve_sigma(calibration: Calibration | None, stretch: float, loop: bool = True) -> Floats:
     """Error of the curve at its knots, with half the calibration's loop or without."""
-    knots = np.delete(np.array(CURVE_KNOTS_DEG), _ZERO_KNOT)
+    knots = stretch * np.delete(np.array(CURVE_KNOTS_DEG), _ZERO_KNOT)
     if calibration is None:
         return np.full(knots.size, _CURVE_FLOOR_DEG)
     sigma = _sigma_at(calibration, knots, loop)

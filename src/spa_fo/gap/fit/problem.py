@@ -170,7 +170,8 @@ class AngleProblem(Explained):
         known = evidence.curve_apart_deg if looped else evidence.curve_sigma_deg
         self.variance[self.curve] = known**2
         if curve:
-            spread = [q.at(evidence.reach).spread for q in LIBRARY[curve].parameters]
+            errors = LIBRARY[curve].parameters[: self.curve.size]
+            spread = [error.at(evidence.reach).spread for error in errors]
             self.variance[self.curve] += np.square(spread)
         if self.trend:
             self.variance[self.trends[:4]] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])
@@ -286,7 +287,8 @@ class AngleProblem(Explained):
 
     def _of_reading(self, angle_deg: Floats) -> Floats:
         """Give what errors of the curve and of each known angle make of readings, (n, k)."""
-        fixture, curve = self.evidence.fixture, curve_columns(angle_deg)
+        fixture, stretch = self.evidence.fixture, self.evidence.curve_stretch
+        curve = curve_columns(angle_deg, stretch)
         return curve if fixture is None else np.hstack([curve, fixture.misread(angle_deg)])
 
     def _of_drift(self, out: Floats) -> None:
@@ -296,7 +298,8 @@ class AngleProblem(Explained):
         out[:, self.dwells] = evidence.fixture.drifted
         out[:, self.marks] = evidence.fixture.misread_later[:, : self.marks.size]
         if self.calibrated.later:
-            out[:, self.curve] = curve_columns(evidence.drift_angle_deg)
+            drifted = curve_columns(evidence.drift_angle_deg, evidence.curve_stretch)
+            out[:, self.curve] = drifted
         if self.walk.size:
             out[:, self.walk[0]] = np.append(0.0, evidence.grid.orders)[after]
             out[:, self.steps] = np.arange(self.steps.size) < after[:, None]

@@ -168,7 +168,9 @@ class _View:
         angle = self.predicted[:n]
         self.seconds = STEPS_S[grid.level[grid.sample_step]]
         weight = self.seconds / (_PIECE_S * floor_deg**2)
-        shared = np.column_stack([-grid.slopes(angle), curve_columns(angle)])
+        shared = np.column_stack(
+            [-grid.slopes(angle), curve_columns(angle, evidence.curve_stretch)]
+        )
         own = np.column_stack([slopes[LN_GAIN][:n], np.ones(n), by_rate[:n]])
         own *= TYPICAL.gain, TYPICAL.rest_deg, TYPICAL.time_scale
         if self.pressed is not None:

@@ -49,7 +49,9 @@ class Fitted:
     predicted_deg, shared_deg : (n,) arrays
         At the grid's samples: of the simulation, and with the curve's error and the zeros.
     curve_deg : (knots,) array
-        Error of the sensor's curve, and its own errors, 1 sigma.
+        Error of the sensor's curve at its knots.
+    curve_stretch : float
+        These, as multiples of `CURVE_KNOTS_DEG`.
     curve_sigma_deg : (knots,) array
         Its error, 1 sigma.
     zeros_deg : (trials,) array
@@ -89,6 +91,7 @@ class Fitted:
     predicted_deg: Floats
     shared_deg: Floats
     curve_deg: Floats
+    curve_stretch: float
     curve_sigma_deg: Floats
     zeros_deg: Floats
     variances: Floats
@@ -201,7 +204,7 @@ def _fitted(
     curve = b[problem.curve]
     shared = predicted + zeros[bench.evidence.grid.sample_trial]
     if at_port("curve", ids):
-        shared = shared + curve_columns(predicted) @ curve
+        shared = shared + curve_columns(predicted, bench.evidence.curve_stretch) @ curve
     whole = solution.covariance()
     at = whole.shape[0] - problem.size + problem.curve
     fitted = Fitted(
@@ -213,6 +216,7 @@ def _fitted(
         predicted_deg=predicted,
         shared_deg=shared,
         curve_deg=curve,
+        curve_stretch=bench.evidence.curve_stretch,
         curve_sigma_deg=np.sqrt(np.diag(whole)[at]),
         zeros_deg=zeros,
         variances=solution.variances,
@@ -244,7 +248,7 @@ def _moved(problem: AngleProblem, fitted: Fitted, plain: Fitted | None) -> dict[
             before = problem.bench.centre if plain is None else plain.z[:5]
             change = y - problem.predict(np.concatenate([before, fitted.z[5:]]))[0]
         elif port == "curve":
-            change = curve_columns(y) @ fitted.curve_deg
+            change = curve_columns(y, evidence.curve_stretch) @ fitted.curve_deg
         elif port == "zeros":
             change = fitted.zeros_deg[evidence.grid.sample_trial]
         else:

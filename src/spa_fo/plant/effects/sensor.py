@@ -51,7 +51,8 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
     """
     y = angle.copy()
     if not math.isnan(e[SENSOR_NONLINEARITY]):
-        bend_curve(y, e[SENSOR_NONLINEARITY : SENSOR_NONLINEARITY + _ERRORS])
+        ends = SENSOR_NONLINEARITY + _ERRORS
+        bend_curve(y, e[SENSOR_NONLINEARITY:ends], e[ends])
     if not math.isnan(e[SENSOR_SATURATION]):
         saturate(y, e[SENSOR_SATURATION], e[SENSOR_SATURATION + 1])
     if not math.isnan(e[SENSOR_HYSTERESIS]):

@@ -19,7 +19,15 @@ EFFECT = Effect(
     id="sensor_nonlinearity",
     stage="sensor",
     place="reading",
-    parameters=tuple(_error_at(angle) for angle in CURVE_KNOTS_DEG if angle != 0.0),
+    parameters=(
+        *(_error_at(angle) for angle in CURVE_KNOTS_DEG if angle != 0.0),
+        Parameter(
+            *("stretch", "1", 1.0, 0.01, 0.0, 10.0),
+            starts=(1.0,),
+            means="at how many times these angles the errors stand",
+            is_addition=True,
+        ),
+    ),
     name="wrong curve of the sensor",
     means="the flex sensor's curve is not the one that was calibrated",
     remedy="calibrate again with the sensor in its pocket, at more angles",
@@ -32,16 +40,21 @@ _CUBICS = np.ascontiguousarray(CURVE_SPLINES.c)  # (4, pieces, offsets)
 
 
 @njit
-def bend_curve(y: Floats, offsets: Floats) -> None:
-    """Add the curve's error, a spline through its knots, straight beyond them."""
+def bend_curve(y: Floats, offsets: Floats, stretch: float) -> None:
+    """Add the curve's error, a spline through its knots, straight beyond them.
+
+    The knots are where they are named times `stretch`; 0 of a file without it means 1.
+    """
+    wide = stretch if stretch > 0.0 else 1.0
     cubics = np.zeros((_STARTS.size, 4))
     for piece in range(_STARTS.size):
         for power in range(4):
             cubics[piece, power] = np.sum(_CUBICS[power, piece] * offsets)
     for i in range(y.size):
         piece = 0
-        while piece + 1 < _STARTS.size and y[i] > _STARTS[piece + 1]:
+        at = y[i] / wide
+        while piece + 1 < _STARTS.size and at > _STARTS[piece + 1]:
             piece += 1
         a, b, c, d = cubics[piece]
-        t = y[i] - _STARTS[piece]
+        t = at - _STARTS[piece]
         y[i] += ((a * t + b) * t + c) * t + d
