@@ -57,7 +57,7 @@ SIZES: dict[str, dict[str, float]] = {
         "at_minus_10deg": 1.0,
         "at_24deg": 2.0,
         "at_60deg": -3.0,
-        "stretch": 0.8,
+        "wider": -0.2,
     },
     "sensor_saturation": {"ceiling_deg": 50.0, "knee_deg": 3.0},
     "sensor_lag": {"time_constant_s": 0.3, "second_pole": 0.3, "tail_share": 0.2},

@@ -203,8 +203,8 @@ def test_every_effect_reaches_the_prediction(name: str) -> None:
 def test_a_static_curve_is_the_plain_prediction_bent() -> None:
     own = trials(step_release(), triangle())
     bent = model(entry("sensor_nonlinearity"))
-    *errors, stretch = parameters("sensor_nonlinearity").values()
-    knots = stretch * np.array(CURVE_KNOTS_DEG)
+    *errors, wider = parameters("sensor_nonlinearity").values()
+    knots = (1.0 + wider) * np.array(CURVE_KNOTS_DEG)
     errors.insert(CURVE_KNOTS_DEG.index(0.0), 0.0)
     for angle, trial in zip(predict_augmented(bent, campaign_data(own)), own, strict=True):
         y = plain(trial)

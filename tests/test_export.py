@@ -317,6 +317,17 @@ def test_the_tail_of_a_lag_is_exported() -> None:
     assert none.part.leads_s == ()
 
 
+def test_a_line_that_vents_otherwise_than_it_fills_is_not_linear() -> None:
+    def vents(excess: float) -> Any:
+        own = {"parameters": {**LAG["parameters"], "venting_excess": excess}}  # type: ignore[dict-item]
+        return export_model(replace(PLAIN, effects=(LAG | own,)), Options(allow_left_out=True))
+
+    as_long, longer = vents(0.05), vents(0.5)
+    assert as_long.part.left_out == ()
+    assert longer.part.left_out == ("line_lag (a fall takes 1.5 times as long)",)
+    assert longer.part.lags_s == as_long.part.lags_s == (0.4, 0.1)
+
+
 def with_tail(share: float) -> dict[str, Any]:
     return LAG | {"parameters": {**LAG["parameters"], "tail_share": share}}  # type: ignore[dict-item]
 

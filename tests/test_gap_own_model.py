@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,10 +13,13 @@ from scipy.optimize import least_squares
 from blind.first_rig import write_case
 from blind_documents import document, read
 from spa_fo.gap.data.evidence import Evidence, angle_chain, collect
-from spa_fo.gap.data.searched import HIGHEST, LOWEST, to_x, to_z
+from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, to_x, to_z
+from spa_fo.gap.decide.verdict import Scored, Verdict, with_unknown
 from spa_fo.gap.diagnose import diagnose
+from spa_fo.gap.fit.coefficients import rise_s
 from spa_fo.gap.fit.own_model import fitted_to, still_taken
 from spa_fo.plant import Model, TransferFunction, read_model
+from spa_fo.plant.effects.effect import USUAL_RISE_S
 from spa_fo.plant.effects.library import absent
 
 Floats = np.ndarray
@@ -84,3 +88,33 @@ def test_a_model_that_a_crude_fit_has_bent_is_no_other_specimen_s(bent: tuple[Pa
     other = diagnose(data, replace(crude, campaign="another"))
     assert not any("fitted to this campaign" in finding for finding in other.findings)
     assert other.kind == "unknown" or "parameter_shift" in other.sets[0]
+
+
+def test_an_own_model_is_one_by_how_much_better_it_explains() -> None:
+    sure = Verdict(
+        "cause", (("creep",),), (scored(("creep",), 0.9), scored((), 0.1)), 0.0, 0.1, 0.0
+    )
+    less = with_unknown(sure, 1.0 / 3.0)
+    assert [one.probability for one in less.scored] == pytest.approx([0.675, 0.075])
+    assert less.unknown == pytest.approx(0.25)
+    assert (less.kind, less.sets) == ("cause", (("creep",),))
+    assert with_unknown(sure, 1.5).kind == "unknown"
+
+
+def scored(named: tuple[str, ...], probability: float) -> Scored:
+    nothing = cast(Any, None)
+    return Scored(named, probability, nothing, None, None, {}, 0.0)
+
+
+def test_a_slow_actuator_s_times_are_long(bent: tuple[Path, Model]) -> None:
+    folder, core = bent
+    said = [diagnose(read(folder), each).reach.time for each in (core, slowed(core, 4.0))]
+    takes_s = rise_s(core.transfer_function.as_array(), 60.0)
+    assert said[0] < 2.0
+    assert said[1] == pytest.approx(4.0 * takes_s / USUAL_RISE_S, rel=0.3)
+
+
+def slowed(model: Model, times: float) -> Model:
+    """The same actuator, so many times as slow."""
+    x = at_rate(model.transfer_function.as_array(), 1.0 / times)
+    return replace(model, transfer_function=TransferFunction.from_array(x), extra={})

@@ -136,7 +136,7 @@ def test_the_columns_of_the_curve_are_its_error() -> None:
     zero = CURVE_KNOTS_DEG.index(0.0)
     errors[zero] = 0.0
     angle = np.linspace(-30.0, 120.0, 301)
-    ours = angle + curve_columns(angle) @ np.delete(errors, zero)
+    ours = angle + curve_columns(angle, 1.0) @ np.delete(errors, zero)
     assert ours == pytest.approx(naive_plant.curve(angle, np.array(CURVE_KNOTS_DEG), errors))
 
 

@@ -100,7 +100,9 @@ def test_a_late_channel_hides_no_curve_that_came_since(evidence: Evidence) -> No
         z = point(problem, delay_s=0.3, window_share=0.5)
         first = problem.rows.size + problem.further[0]
         drift = problem.columns(z)[first : first + problem.further[1], problem.curve]
-        np.testing.assert_array_equal(drift, curve_columns(bench.evidence.drift_angle_deg))
+        np.testing.assert_array_equal(
+            drift, curve_columns(bench.evidence.drift_angle_deg, bench.evidence.curve_stretch)
+        )
         assert np.any(problem.predict(z)[1] != 0.0) != apart
 
 

@@ -14,7 +14,8 @@ from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.bench import REST, Bench, bench_for
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.problem import AngleProblem
-from spa_fo.gap.search.explanations import Explanations, _equals, explain
+from spa_fo.gap.search import explanations
+from spa_fo.gap.search.explanations import Explanations, _equal, _equals, explain
 from spa_fo.gap.search.fitted import HOPE, begun, fit, settled
 from spa_fo.gap.search.screening import points_of, screen
 from spa_fo.gap.settings import SETTINGS
@@ -242,6 +243,20 @@ def test_an_equal_is_tried_with_all_that_the_best_has() -> None:
     assert point.tolist() == [*[97.0] * (5 + sizes[0]), *[150.0] * sizes[1], *[97.0] * sizes[2]]
     assert _equals(fits, ("sensor_creep",)) == []
     assert _equals(fits | weighed_fits(line_lag__hysteresis__sensor_creep=90.0), ()) == []
+
+
+def test_what_together_moves_beyond_all_measure_is_no_equal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def explodes(*_: Any) -> Any:
+        raise np.linalg.LinAlgError("lost to rounding")
+
+    nothing = cast(Any, None)
+    monkeypatch.setattr(explanations, "fit", explodes)
+    assert _equal(nothing, ("creep", "stiffening"), [], nothing) is None
+    monkeypatch.setattr(explanations, "fit", lambda *_: "fitted")
+    monkeypatch.setattr(explanations, "weighed", lambda _, fitted: f"{fitted} and weighed")
+    assert cast(Any, _equal(nothing, ("creep",), [], nothing)) == "fitted and weighed"
 
 
 def test_equals_are_those_of_what_wins_the_nearest_first_whether_weighed_or_not() -> None:

@@ -49,7 +49,7 @@ from spa_fo.plant.memory import STEPS_S
 from spa_fo.rig.command_profile import COLUMNS, read_profile
 
 FLOOR_DEG, FLOOR_KPA = 0.4, 0.5
-CURVE_DEG = np.full(8, 0.15)
+CURVE_DEG, STRETCH = np.full(8, 0.15), 0.8
 COEFFICIENTS = dict(zip(PARAMETERS, X.tolist(), strict=True))
 
 
@@ -63,7 +63,13 @@ def bench(*commands: np.ndarray, tapped: bool = False) -> Evidence:
     if tapped:
         grid = replace(grid, measured_kpa=np.zeros(grid.angle_deg.size))
     found = collect(campaign_data(own))
-    return replace(found, grid=grid, curve_sigma_deg=CURVE_DEG, pressure_noise_kpa=FLOOR_KPA)
+    return replace(
+        found,
+        grid=grid,
+        curve_sigma_deg=CURVE_DEG,
+        curve_stretch=STRETCH,
+        pressure_noise_kpa=FLOOR_KPA,
+    )
 
 
 UP_STEPS = bench(*(up_step(kpa) for kpa in (27.0, 55.0, 27.0, 55.0)))
@@ -198,7 +204,7 @@ def slow_cost(grid: CampaignGrid, refit: Rival, truth: Rival) -> float:
     for i in range(len(grid.trials)):
         rows = grid.sample_trial == i
         late[rows] = -np.gradient(y0[rows], grid.time_s[rows])
-    shared = np.column_stack([late, curve_columns(y0)]) * np.append(
+    shared = np.column_stack([late, curve_columns(y0, STRETCH)]) * np.append(
         SETTINGS.angle_late_s, CURVE_DEG
     )
     spread = np.append(SPECIMEN_SPREAD, LIBRARY[refit.ids[0]].parameters[0].spread)

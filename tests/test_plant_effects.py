@@ -15,8 +15,9 @@ import naive_plant as naive
 from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, triangle, vector
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
+from spa_fo.gap.data.alike import began_vented
 from spa_fo.gap.data.searched import at_rate
-from spa_fo.plant.chain import Chain, Usual, began_vented, chain_for, static_gain
+from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.drive_backlash import resting_kpa
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
@@ -456,9 +457,9 @@ def low_passed(angle: np.ndarray, p: dict[str, float]) -> np.ndarray:
 
 def curve_of(p: dict[str, float]) -> tuple[np.ndarray, list[float]]:
     """Give the knots of an error of the curve, and the error there."""
-    *errors, stretch = p.values()
+    *errors, wider = p.values()
     errors.insert(CURVE_KNOTS_DEG.index(0.0), 0.0)
-    return stretch * np.array(CURVE_KNOTS_DEG), errors
+    return (1.0 + wider) * np.array(CURVE_KNOTS_DEG), errors
 
 
 def soft_minimum(angle: float, ceiling: float, knee: float) -> float:
@@ -885,11 +886,8 @@ def test_a_weight_that_bends_at_rest_shifts_what_is_linear() -> None:
 
 def test_a_pressure_that_stands_in_the_rests_is_that_of_the_drive() -> None:
     # A pump with play never vents the actuator: what moves it is the same, told or computed.
-    own = trials(step_release(), step_release(), step_release())
+    grid = campaign_grid(trials(step_release(), step_release(), step_release()), longest=0)
     effects = vector("drive_backlash", play_kpa=6.0, centre=1.0)
-    read_there = zip(own, angles(own, effects), strict=True)
-    own = tuple(replace(one, angle_deg=angle) for one, angle in read_there)
-    grid = campaign_grid(own, longest=0)
     commanded = chain_for(grid, X, KPA)
     angle, _ = commanded.readings(X, effects)
     known = commanded.pressure(effects, np.zeros(2))
@@ -907,11 +905,17 @@ def test_a_log_that_begins_as_its_command_comes_begins_at_rest(vented: bool) -> 
     later = angles((second,), absent())[0] if vented else held
     own = replace(first, angle_deg=follows), replace(second, angle_deg=later)
     grid = campaign_grid(own, longest=0)
-    known = np.asarray(grid.command_kpa)
-    assert began_vented(grid, known[grid.cell_starts[:-1]], SIXTY).tolist() == [False, vented]
-    driven, _ = chain_for(grid, X, KPA, pressure_kpa=known).readings(X, absent())
+    seen = began_vented(grid)
+    assert seen.tolist() == [False, vented]
+    known = chain_for(grid, X, KPA, pressure_kpa=np.asarray(grid.command_kpa))
+    driven, _ = replace(known, vented=seen).readings(X, absent())
     begins = driven[grid.step_starts[1]]
     assert begins == pytest.approx(0.0 if vented else settled, abs=1.0)
+    # Without a word it rests under what it begins with, and a log with a zero of its own says none.
+    alone, _ = known.readings(X, absent())
+    assert alone[grid.step_starts[1]] == pytest.approx(settled, abs=1.0)
+    zeroed = tuple(replace(one, zero_until_s=0.4) for one in own)
+    assert not began_vented(campaign_grid(zeroed, longest=0)).any()
 
 
 def test_a_drift_may_take_a_third_of_the_gain_in_ten_minutes() -> None:

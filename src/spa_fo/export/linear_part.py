@@ -16,6 +16,7 @@ from spa_fo.plant.static_curve import ID as STATIC_CURVE
 
 # Behind the angle: how it was read and logged, not how the actuator moves.
 _MEASURING = ("sensor", "acquisition")
+_AS_LONG = 0.1  # of a rise, by which a fall may differ and count as one. Assumed.
 
 
 @dataclass(frozen=True)
@@ -93,8 +94,11 @@ def linear_part(
             dead_time = float(values[0])
             included.append(name)
         elif name == "line_lag":
-            lags, leads = _of_lag(*values.tolist())
+            *lag, excess = values.tolist()
+            lags, leads = _of_lag(*lag)
             included.append(name)
+            if abs(excess) > _AS_LONG:
+                left_out.append(f"{name} (a fall takes {1.0 + excess:.2g} times as long)")
         elif name == "parameter_shift":
             included.append(name)
         else:
@@ -110,13 +114,10 @@ def linear_part(
 
 
 def _of_lag(
-    time_constant: float, second: float, tail: float, venting_excess: float
+    time_constant: float, second: float, tail: float
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Write a lag with a tail, (1 - w)/((1 + a s)(1 + b s)) + w/(1 + c s), as lags and leads.
-
-    Where a fall takes longer than a rise it takes the mean of both.
-    """
-    a, b, c = poles((1.0 + 0.5 * venting_excess) * time_constant, second, tail)
+    """Write a lag with a tail, (1 - w)/((1 + a s)(1 + b s)) + w/(1 + c s), as lags and leads."""
+    a, b, c = poles(time_constant, second, tail)
     if tail == 0.0:
         return (a, b), ()
     # As c is 4 (a + b) both zeros are real.

@@ -199,7 +199,7 @@ def diagnose(
         offers=offers(everything),
         misses=misses(everything, commanded=nominal is not None),
         findings=(
-            *findings(verdict, examined.found.bench.own, repeated, floor),
+            *findings(verdict, examined.found.bench.own, repeated, floor, examined.own_odds),
             *law_finding(missing, examined),
             *(() if nominal is None else nominal.sentences(examined.drive is not None)),
             *drive_finding(examined.drive, everything, examined.held),

@@ -33,7 +33,6 @@ _LATENCY = LIBRARY["channel_latency"].slots
 _SLIP = LIBRARY["sensor_slip"].slots
 _PLAY = LIBRARY["drive_backlash"].slots
 _GRAVITY = LIBRARY["gravity_load"].slots
-_FIRST, _HELD = 3, 0.1  # samples; of the largest pressure, from which one may be held. Assumed.
 _HUNG_S = 3600.0  # for which a specimen without a past has hung under its weight
 
 
@@ -87,6 +86,9 @@ class Chain:
         How the sensor came from its first calibration.
     usual : Usual or None
         What is known to be missed of the true angle, without a reason.
+    vented : (trials,) bool array or None
+        Which trials began at rest, whatever pressure was known at their first row; None where that
+        is what they rested under before.
     """
 
     grid: CampaignGrid
@@ -97,6 +99,7 @@ class Chain:
     memory: Memory = field(default_factory=Memory)
     mounting: Mounting = field(default_factory=Mounting)
     usual: Usual | None = None
+    vented: Bools | None = None
 
     def mounted(self, mounting: Mounting) -> Chain:
         """Return the chain with a sensor that comes from this calibration."""
@@ -247,7 +250,8 @@ class Chain:
         grid = self.grid
         load = grid.step_means(self.input_kpa)
         begins = self.input_kpa[grid.cell_starts[:-1]]
-        begins = np.where(began_vented(grid, begins, np.abs(self.input_kpa).max()), 0.0, begins)
+        if self.vented is not None:
+            begins = np.where(self.vented, 0.0, begins)
         rested = grid.step_starts[:-1] + grid.trial_steps
         for first, end, kpa in zip(rested[:-1], grid.step_starts[1:-1], begins[1:], strict=True):
             load[first:end] = kpa
@@ -294,17 +298,6 @@ class Chain:
             at_s = grid.middle_s[step] + (share - 0.5) * STEPS_S[grid.level[step]]
             y = logged_angle(y, at_s - starts_s[trial], trial, effects)
         return np.asarray(y)
-
-
-def began_vented(grid: CampaignGrid, begins_kpa: Floats, largest_kpa: float) -> Bools:
-    """Say which trials began at rest, whatever pressure their logs begin with, (trials,).
-
-    A log may begin as its command comes: then the angle is far from where that pressure holds it.
-    """
-    angles = np.array([np.median(np.abs(trial.angle_deg[:_FIRST])) for trial in grid.trials])
-    held = np.abs(begins_kpa) / max(largest_kpa, 1e-9)  # as a share of what moves farthest
-    farthest_deg = float(np.abs(grid.angle_deg).max())
-    return np.asarray((held > _HELD) & (angles < 0.5 * held * farthest_deg))
 
 
 def log_delays(effects: Floats) -> Floats | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -26,6 +27,7 @@ MISSING = {
 }
 """Evidence that a campaign may lack, and what for."""
 
+_MANY = 100  # to one, beyond which odds say no more
 _PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing worth saying
 
 
@@ -109,11 +111,13 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
     )
 
 
-def findings(verdict: Verdict, own: bool, repeats: bool, floor_deg: float) -> tuple[str, ...]:
+def findings(
+    verdict: Verdict, own: bool, repeats: bool, floor_deg: float, own_odds: float = math.inf
+) -> tuple[str, ...]:
     """Say how sure the answer is, given the noise floor.
 
-    `own` says that the model was fitted to this campaign, `repeats` that some experiment was run
-    more than once.
+    `own` says that the model was fitted to this campaign, with these odds; `repeats` that some
+    experiment was run more than once.
     """
     found = []
     named = [s for s in verdict.scored if s.named]
@@ -135,7 +139,16 @@ def findings(verdict: Verdict, own: bool, repeats: bool, floor_deg: float) -> tu
         )
     if own:
         found.append(
-            "The model was fitted to this campaign, so its coefficients have absorbed part of the "
-            "gap: they are free in every explanation; a shift of parameters is not identifiable."
+            f"The model was {_surely(own_odds)}fitted to this campaign, so its coefficients have "
+            "absorbed part of the gap: they are free in every explanation; a shift of parameters "
+            "is not identifiable."
         )
     return tuple(found)
+
+
+def _surely(odds: float) -> str:
+    """Say how sure it is that a model was fitted to a campaign, where its file does not say it."""
+    if math.isinf(odds):
+        return ""
+    many = f"{odds:.2g}" if odds < _MANY else f"more than {_MANY}"
+    return f"probably ({many} to 1, as it explains the campaign better) "

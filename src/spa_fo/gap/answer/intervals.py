@@ -37,8 +37,8 @@ def with_intervals(explanation: Explanation, given: Floats, orders: Integers) ->
     if shift := at_port("coefficients", ids):
         errors |= _of_shift(shift, given, angle.covariance)
     if curve := at_port("curve", ids):
-        known = [*angle.curve_sigma_deg.tolist(), 0.0]  # where the knots are was chosen
-        own = zip(LIBRARY[curve].parameters, known, strict=True)
+        sigmas = angle.curve_sigma_deg.tolist()  # where the knots are was chosen, and has none
+        own = zip(LIBRARY[curve].parameters, sigmas, strict=False)
         errors |= {(curve, parameter.name): (sigma, False) for parameter, sigma in own}
     if zeros := at_port("zeros", ids):
         errors |= _of_zeros(zeros, angle.zeros_deg, orders)

@@ -8,14 +8,12 @@ library lacks, often several together.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.special import logsumexp
 
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import angle_part
-from spa_fo.gap.decide.verdict import Scored, Verdict, judge
+from spa_fo.gap.decide.verdict import Scored, Verdict, with_unknown
 from spa_fo.gap.places.law_basis import ORDERED
 from spa_fo.gap.places.laws import fitted_laws, standing, weighed
 from spa_fo.gap.prior import log_prior
@@ -31,7 +29,7 @@ def against_laws(verdict: Verdict, examined: Examined) -> Verdict:
         return verdict
     first = verdict.of(verdict.sets[0])
     more = float(np.exp(min(_laws(first, examined), 100.0)))
-    return _with_unknown(verdict, first, more)
+    return with_unknown(verdict, more * first.probability)
 
 
 def alone_if_rare(verdict: Verdict) -> Verdict:
@@ -44,7 +42,8 @@ def alone_if_rare(verdict: Verdict) -> Verdict:
     first = verdict.of(verdict.sets[0])
     if len(first.named) < 2 or not any(map(rare, first.named)):
         return verdict
-    return _with_unknown(verdict, first, SETTINGS.unknown / float(np.exp(log_odds(first.named))))
+    times = SETTINGS.unknown / float(np.exp(log_odds(first.named)))
+    return with_unknown(verdict, times * first.probability)
 
 
 def _laws(first: Scored, examined: Examined) -> float:
@@ -70,15 +69,3 @@ def _laws(first: Scored, examined: Examined) -> float:
     one = log_prior(tuple(LIBRARY)[:1]) + np.log(SETTINGS.unknown / len(laws))
     law = one + logsumexp([standing(fit.logs + told) for fit in laws])
     return float(law - name)
-
-
-def _with_unknown(verdict: Verdict, first: Scored, times: float) -> Verdict:
-    """Let an unknown cause be so many times as probable as a set, beside what it is already."""
-    more = times * first.probability
-    scored = [replace(one, probability=one.probability / (1.0 + more)) for one in verdict.scored]
-    unknown = verdict.unknown + more
-    of_drive = verdict.unknown_drive * verdict.unknown / max(unknown, 1e-12)
-    again = judge(scored, unknown / (1.0 + more), of_drive)
-    if again.kind != "unknown":
-        return replace(again, kind=verdict.kind, sets=verdict.sets)
-    return replace(again, sets=tuple(named for named in again.sets if named in verdict.sets))

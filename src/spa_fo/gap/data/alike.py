@@ -10,11 +10,14 @@ from spa_fo.plant.memory import FINEST_STEP_S
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 # Of an input's range, by which a command has begun, and a measured pressure; what a delay of a
 # trial's own tells, s; of the largest input, by which two courses, on average, and their begins may
 # differ. Assumed.
 _TOLD, _MEASURED, _AT_ONCE_S, _LIKE = 0.02, 0.05, 0.05, 0.03
+# Of the largest command, from which one is more than a pump leaves; nearer to rest than to it.
+_HELD, _NEARER = 0.1, 0.5
 
 
 def run_alike(grid: CampaignGrid) -> tuple[Integers, Floats]:
@@ -37,6 +40,22 @@ def run_alike(grid: CampaignGrid) -> tuple[Integers, Floats]:
                 number[i], late[i] = first, later * FINEST_STEP_S
                 break
     return number, late
+
+
+def began_vented(grid: CampaignGrid) -> Bools:
+    """Say which logs began as their command came, on an actuator that was at rest, (trials,).
+
+    Their first angle is far from where such a command holds it. A log with a zero of its own does
+    not say.
+    """
+    if grid.command_kpa is None:
+        return np.zeros(len(grid.trials), dtype=bool)
+    held = np.abs(grid.command_kpa[grid.cell_starts[:-1]])
+    held = held / max(float(np.abs(grid.command_kpa).max()), 1e-9)
+    first_deg = np.array([abs(trial.angle_deg[0]) for trial in grid.trials])
+    says = np.array([trial.zero_until_s == 0.0 for trial in grid.trials])
+    farthest_deg = float(np.abs(grid.angle_deg).max())
+    return np.asarray((held > _HELD) & says & (first_deg < _NEARER * held * farthest_deg))
 
 
 def _later(one: Floats, other: Floats, begins: int, other_begins: int) -> int:

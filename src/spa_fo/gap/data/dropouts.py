@@ -35,7 +35,7 @@ _NORMAL = norm.ppf(0.5 + 0.5 * _SAY)  # what these shares of a normal variable s
 def without_dropouts(data: CampaignData) -> CampaignData:
     """Let each reading that is a dropout be the median of those about it."""
     trials = [
-        replace(trial, angle_deg=mended(trial.angle_deg, _swings(trial))) for trial in data.trials
+        replace(trial, angle_deg=mended(trial.angle_deg, *_swings(trial))) for trial in data.trials
     ]
     return replace(data, trials=tuple(trials))
 
@@ -52,7 +52,7 @@ def dropout_finding(data: CampaignData) -> tuple[str, ...]:
     )
 
 
-def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
+def mended(angle_deg: Floats, swings: Bools | None = None, pulses: Bools | None = None) -> Floats:
     """Replace single samples, or two in a row, that are far off all others near them.
 
     That is by eight times the noise, and by three times what the angle moves from one sample to the
@@ -63,7 +63,10 @@ def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
     angle_deg : (n,) array
         What was read.
     swings : (n,) bool array, optional
-        Where the angle may move as fast itself: it comes back from a dropout to where it was.
+        Where the angle may move as fast itself. It comes back from a dropout to where it was; so
+        it does after a pulse of the input.
+    pulses : (n,) bool array, optional
+        Where the input may have had one.
 
     Returns
     -------
@@ -85,7 +88,8 @@ def mended(angle_deg: Floats, swings: Bools | None = None) -> Floats:
     dropped = (off > _NOISES * noise) & (off > _MOTIONS * moving)
     dropped[[0, -1]] = False  # nothing says that it comes back
     if swings is not None:
-        dropped &= ~swings | (off > _MOTIONS * _moved_across(angle_deg))
+        back = off > _MOTIONS * _moved_across(angle_deg)
+        dropped &= ~swings | (back if pulses is None else back & ~pulses)
     return np.where(dropped, about, angle_deg)
 
 
@@ -97,11 +101,12 @@ def _moved_across(angle_deg: Floats) -> Floats:
     return np.asarray(np.abs(after - before))
 
 
-def _swings(trial: Trial) -> Bools:
-    """Say where the input has jumped just before."""
+def _swings(trial: Trial) -> tuple[Bools, Bools]:
+    """Say where the input has jumped just before, and where it jumps more than once about there."""
     drive = trial.pressure_kpa if trial.command_kpa is None else trial.command_kpa
     if drive is None or drive.size < _FAR:
-        return np.zeros(trial.t_s.size, dtype=bool)
+        none = np.zeros(trial.t_s.size, dtype=bool)
+        return none, none
     change = np.abs(np.diff(drive))
     # A sine at a low rate moves as far from row to row, and goes on.
     sloped = median_filter(change, _LONG, mode="nearest")
@@ -109,4 +114,7 @@ def _swings(trial: Trial) -> Bools:
     after_s = min(_AFTER_S, _AFTER * float(np.median(np.diff(trial.t_s))))
     begins = np.append(-np.inf, trial.t_s[jumps])
     since = trial.t_s - begins[np.searchsorted(trial.t_s[jumps], trial.t_s, side="right")]
-    return np.asarray(since < after_s)
+    about = _AFTER + _BESIDE + _SIDE  # rows in which a pulse would show
+    at = np.arange(trial.t_s.size)
+    often = np.searchsorted(jumps, at + about) - np.searchsorted(jumps, at - about) > 1
+    return np.asarray(since < after_s), np.asarray(often)

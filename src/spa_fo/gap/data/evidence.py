@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
-from spa_fo.gap.data.alike import run_alike
+from spa_fo.gap.data.alike import began_vented, run_alike
 from spa_fo.gap.data.fixture import Fixture, fixture_of
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, USUAL_RISE_S, Reach
@@ -34,6 +34,7 @@ _RATE_OVER_S = 0.12
 _CURVE_FLOOR_DEG = 0.08
 _NEAR_S = 0.4
 _TOP = 0.99  # quantile
+_SLOWEST = 10.0  # times the usual; what is plausible of a quick rig is as of a usual one
 _SHORTEST = 0.01  # of the usual reach: a campaign of noise alone has some, too
 _A_STEP = 0.1  # quantile of the distances of neighbouring values: some counts are never read
 _ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
@@ -67,6 +68,7 @@ class Evidence:
     step_deg: float = 0.0  # of the converter, as an angle; 0 where none shows
     line_deg: float = 0.0  # RMS of an interference that was taken off the angles
     rise_s: float = USUAL_RISE_S  # in which the given model makes most of a step
+    vented: NDArray[np.bool_] | None = None  # (trials,): began at rest as their command came
 
     @cached_property
     def reach(self) -> Reach:
@@ -81,7 +83,7 @@ class Evidence:
             max(angle, _SHORTEST * USUAL_DEG) / USUAL_DEG,
             max(pressure, _SHORTEST * USUAL_KPA) / USUAL_KPA,
             self.read_deg,
-            self.rise_s / USUAL_RISE_S,
+            float(np.clip(self.rise_s / USUAL_RISE_S, 1.0, _SLOWEST)),
         )
 
     @cached_property
@@ -123,7 +125,7 @@ def collect(data: CampaignData) -> Evidence:
     pressures = [t.pressure_kpa for t in grid.trials if t.pressure_kpa is not None]
     drift, sigma, angles, after = _drifts(data, grid)
     alike, late_s = run_alike(grid)
-    stretch = _curve_stretch(largest_deg(grid.trials))
+    stretch = _curve_stretch(max(largest_deg(grid.trials), np.abs(angles).max(initial=0.0)))
     return Evidence(
         data=data,
         grid=grid,
@@ -145,6 +147,7 @@ def collect(data: CampaignData) -> Evidence:
         drift_angle_deg=angles,
         drift_after=after,
         step_deg=step_deg_of(grid.trials),
+        vented=began_vented(grid),
     )
 
 
@@ -195,7 +198,7 @@ def _unsure_s(grid: CampaignGrid, rows: list[Integers]) -> Floats:
     return unsure
 
 
-def curve_columns(angle_deg: Floats, stretch: float = 1.0) -> Floats:
+def curve_columns(angle_deg: Floats, stretch: float) -> Floats:
     """Give what a unit error of the sensor curve at each knot but 0° makes, (n, knots).
 
     The knots are `stretch` times `CURVE_KNOTS_DEG`.
@@ -335,7 +338,7 @@ def angle_chain(evidence: Evidence, x: Floats, pressure_kpa: Floats | None) -> C
         pressure_kpa = evidence.grid.pressure_kpa
     reference_kpa = evidence.data.campaign.reference_kpa
     chain = chain_for(evidence.grid, x, reference_kpa, pressure_kpa)
-    return replace(chain, usual=evidence.usual)
+    return replace(chain, usual=evidence.usual, vented=evidence.vented)
 
 
 @dataclass(frozen=True)
@@ -381,8 +384,13 @@ def with_usual(
         angle[steps] = np.interp(ends_s, trial.t_s, own.missed_deg)
         rest = slice(grid.step_starts[i - 1] + grid.trial_steps[i - 1] if i else 0, steps.start)
         angle[rest] = begins[i]
+    stretch = max(evidence.curve_stretch, _curve_stretch(read_deg))
+    calibration = evidence.data.calibration
     return replace(
         evidence,
+        curve_stretch=stretch,
+        curve_sigma_deg=_curve_sigma(calibration, stretch),
+        curve_apart_deg=_curve_sigma(calibration, stretch, loop=False),
         usual=Usual(angle, static_gain(given), begins[0]),
         read_deg=read_deg,
         foreseen_deg=np.sqrt(grid.averaged(np.concatenate(squares))),

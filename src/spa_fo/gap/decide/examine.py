@@ -12,7 +12,7 @@ from spa_fo.gap.data.dropouts import without_dropouts
 from spa_fo.gap.data.evidence import Evidence, angle_chain, collect, noise_floor, with_usual
 from spa_fo.gap.data.hold_out import HeldOut, hold_out
 from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure, with_nominal
-from spa_fo.gap.decide.verdict import Verdict
+from spa_fo.gap.decide.verdict import Verdict, with_unknown
 from spa_fo.gap.decide.weigh import decide, evidence_of
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.coefficients import error_of, rise_s
@@ -29,6 +29,7 @@ from spa_fo.rig import CampaignData
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 Progress = Callable[[str], None]
+_SURE = 100.0  # nats
 _IDENTIFIED = "sampling"  # a key that an identification writes to its model
 
 
@@ -50,6 +51,7 @@ class Examined:
     floor_deg: float  # the noise floor
     # What stands for a command that is no pressure; the campaign then holds its pressure.
     nominal: Nominal | None = None
+    own_odds: float = np.inf  # of an own model, where it is one by how well that explains all
 
 
 def examine(
@@ -111,16 +113,20 @@ def examine(
     # What a model misses of its reference is expected beside it already.
     error_deg = error_of(plain) if beyond is None else 0.0
 
-    def explained(own: bool = own) -> Explanations:
-        kpa = None if drive is None else drive.pressure_kpa
-        bench = bench_for(evidence, given, own, kpa, beyond, error_deg)
-        return explain(bench, excluded)
+    pressed = drive
 
-    found = explained()
-    if drive is not None:
-        before, drive = drive.best.ids, joined(drive, found)
-        if drive.best.ids != before:
-            found = explained()
+    def explained(own: bool) -> tuple[Explanations, Drive | None]:
+        def by(drive: Drive | None) -> Explanations:
+            kpa = None if drive is None else drive.pressure_kpa
+            return explain(bench_for(evidence, given, own, kpa, beyond, error_deg), excluded)
+
+        found = by(pressed)
+        if pressed is None:
+            return found, None
+        drive = joined(pressed, found)
+        return (by(drive) if drive.best.ids != pressed.best.ids else found), drive
+
+    found, drive = explained(own)
     noise = found.bench.noise
     grid = everything.grid
     floor = noise_floor(everything, noise.moved_deg(grid.sample_trial, grid.angle_deg))
@@ -133,12 +139,17 @@ def examine(
     if drive is not None and expected_kpa is not None:
         drive_floor = expected_kpa * drive.per_kpa_deg
     verdict = decide(found, drive, fast, evidence, floor, drive_floor)
+    odds = np.inf
     if beyond is None and not own and plain.campaign == campaign.name and _may_be_bent(verdict):
         progress("once more, as if the model had been fitted to this campaign")
-        again = explained(own=True)
-        if _bent(found, again, floor):
-            found, verdict = again, decide(again, drive, fast, evidence, floor, drive_floor)
-    return Examined(everything, held, given, excluded, drive, found, verdict, floor, nominal)
+        again, its_drive = explained(own=True)
+        bent = _bent_odds(found, again, floor)
+        if bent > 1.0:
+            found, drive, odds = again, its_drive, bent
+            verdict = decide(found, drive, fast, evidence, floor, drive_floor)
+            # The other way is no explanation that stands, but it may be the right one.
+            verdict = with_unknown(verdict, 1.0 / odds)
+    return Examined(everything, held, given, excluded, drive, found, verdict, floor, nominal, odds)
 
 
 def _may_be_bent(verdict: Verdict) -> bool:
@@ -151,12 +162,13 @@ def _may_be_bent(verdict: Verdict) -> bool:
     return verdict.kind == "unknown" or (again in first and len(first) > 1)
 
 
-def _bent(known: Explanations, own: Explanations, floor_deg: float) -> bool:
-    """Say whether a campaign is explained better where a model tells nothing of the coefficients.
+def _bent_odds(known: Explanations, own: Explanations, floor_deg: float) -> float:
+    """Say how probable it is that the model was fitted to this campaign, against any other.
 
     Beforehand nobody knows whose fit it was: either is as probable. What the model tells is among
     the rows of the one, and comes to the other as if any usual actuator had been identified.
     """
     bench = known.bench
     told = SETTINGS.temper * bench.coefficients.untempered().log_evidence(bench.centre)
-    return evidence_of(own, floor_deg) + told > evidence_of(known, floor_deg)
+    nats = evidence_of(own, floor_deg) + told - evidence_of(known, floor_deg)
+    return float(np.exp(min(nats, _SURE)))

@@ -46,7 +46,7 @@ class Explanation:
                 e[LIBRARY[name].slots] = self.drive.effects[LIBRARY[name].slots]
         curve = at_port("curve", self.ids)
         if curve:
-            e[LIBRARY[curve].slots] = [*self.angle.curve_deg, self.angle.curve_stretch]
+            e[LIBRARY[curve].slots] = [*self.angle.curve_deg, self.angle.curve_stretch - 1.0]
         return e
 
     def in_fixture(self) -> Floats:

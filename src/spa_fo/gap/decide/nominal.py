@@ -69,12 +69,13 @@ def with_nominal(
         for trial, missed in zip(trials, fit.left, strict=True)
     ]
     nominal = Nominal(fit, estimate(left, _WHITE_KPA))
-    stand_in = collect(fit.drive.applied(data))
+    rise_s = everything.rise_s
+    stand_in = replace(collect(fit.drive.applied(data)), rise_s=rise_s)
     fitted = replace(stand_in, takes_part=~held.trials)
     drive = examine_drive(fitted, excluded, x, nominal.spectrum)
     if _departs(drive, stand_in, held, fit.left_out_kpa):
         return nominal, drive, stand_in
-    return nominal, None, collect(driven_by_pressure(data))
+    return nominal, None, replace(collect(driven_by_pressure(data)), rise_s=rise_s)
 
 
 def _departs(drive: Drive, evidence: Evidence, held: HeldOut, expected_kpa: float) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from spa_fo.gap.noise.interference import Line
@@ -87,6 +87,17 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
     if unknown > total:
         return "unknown", tuple(standing[:1])
     return "cause" if len(standing) == 1 else "ambiguous", tuple(standing)
+
+
+def with_unknown(verdict: Verdict, more: float) -> Verdict:
+    """Let an unknown cause be by so much more probable beside all that adds up to 1."""
+    scored = [replace(one, probability=one.probability / (1.0 + more)) for one in verdict.scored]
+    unknown = verdict.unknown + more
+    of_drive = verdict.unknown_drive * verdict.unknown / max(unknown, 1e-12)
+    again = judge(scored, unknown / (1.0 + more), of_drive)
+    if again.kind != "unknown":
+        return replace(again, kind=verdict.kind, sets=verdict.sets)
+    return replace(again, sets=tuple(named for named in again.sets if named in verdict.sets))
 
 
 StagesOf = Callable[[Scored, str], tuple[Stage, ...]]

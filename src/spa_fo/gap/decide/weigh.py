@@ -36,6 +36,7 @@ Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
 _SHARES = np.array(SHARES)
+_LEAST_TOTAL = 1e-300
 _BOTH = float(np.sqrt(2.0))  # what is missed anyway and a change as large add up to this
 
 
@@ -305,7 +306,8 @@ def decide(
     pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, drive_floor_deg, least_deg)
     lined = _of_line(fast, floor_deg)
     certain = (1.0 - unknown_angle) * (1.0 - unknown_drive)
-    total = sum(angle.values()) * sum(pressed.values())
+    # All may be beyond reckoning beside an unknown cause.
+    total = max(sum(angle.values()) * sum(pressed.values()), _LEAST_TOTAL)
     joint: dict[Ids, float] = {}
     made: dict[Ids, Scored] = {}  # of the most probable way to each
     for (a, x), (d, y), (line, z) in product(angle.items(), pressed.items(), lined.items()):

@@ -134,7 +134,8 @@ def _without(evidence: Evidence, hz: float) -> Evidence:
         line_deg = waves @ spsolve(normal.tocsc(), seen.T @ within[dense])
         line_deg[trial.after_reset] = 0.0  # whose times are estimates
         trials.append(replace(trial, angle_deg=trial.angle_deg - line_deg))
-    return collect(replace(evidence.data, trials=tuple(trials)))
+    without = collect(replace(evidence.data, trials=tuple(trials)))
+    return replace(without, rise_s=evidence.rise_s)
 
 
 def _hats(t: Floats, knots: Floats) -> sparse.csr_matrix:

@@ -17,6 +17,7 @@ import pandas as pd
 
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.fit.coefficients import rise_s
 from spa_fo.gap.plan.profiles import NAMES, Limits, Profile, family, limits_of
 from spa_fo.gap.plan.remedies import remedies, twins
 from spa_fo.gap.plan.rivals import Ids, Rival, Standing
@@ -92,6 +93,8 @@ def plan_campaign(
         No profile fits into the limits.
     """
     evidence = collect(data)
+    if standing.rivals:
+        evidence = replace(evidence, rise_s=rise_s(standing.rivals[0].x, evidence.horizon_s))
     limits = limits_of(evidence.grid)
     if max_duration_s is not None:
         limits = replace(limits, duration_s=max_duration_s)

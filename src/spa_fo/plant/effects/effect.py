@@ -37,10 +37,7 @@ USUAL_DEG, USUAL_KPA = 60.0, 60.0
 USUAL_RISE_S = 1.1
 """Time in which most of a step is made there: the paper's two actuators take 1.0 and 1.2 s."""
 _IN_TIME = {"s": 1.0, "1/s": -1.0, "kPa/s": -1.0}
-"""Powers of a rig's time scale that what is plausible goes with, by unit.
-
-A frequency is a regulator's, or the mains'.
-"""
+"""Powers of a slow rig's time scale that what is plausible goes with, by unit."""
 _GOES_WITH = {
     "deg": (1.0, 0.0),
     "deg per trial": (1.0, 0.0),
@@ -54,7 +51,8 @@ class Reach:
     """Largest angle and pressure of a rig, as multiples of `USUAL_DEG` and `USUAL_KPA`.
 
     `read_deg` is the largest angle that the same sensor has read before, where a reference says it;
-    `time` the time in which the rig makes most of a step, as a multiple of `USUAL_RISE_S`.
+    `time` the time in which the rig makes most of a step, as a multiple of `USUAL_RISE_S`, where it
+    is slower.
     """
 
     angle: float = 1.0

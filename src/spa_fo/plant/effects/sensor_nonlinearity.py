@@ -22,9 +22,9 @@ EFFECT = Effect(
     parameters=(
         *(_error_at(angle) for angle in CURVE_KNOTS_DEG if angle != 0.0),
         Parameter(
-            *("stretch", "1", 1.0, 0.01, 0.0, 10.0),
-            starts=(1.0,),
-            means="at how many times these angles the errors stand",
+            *("wider", "1", 0.0, 0.01, -0.95, 9.0),
+            starts=(0.0,),
+            means="by how much wider apart these angles are than they are called, as a part",
             is_addition=True,
         ),
     ),
@@ -40,19 +40,18 @@ _CUBICS = np.ascontiguousarray(CURVE_SPLINES.c)  # (4, pieces, offsets)
 
 
 @njit
-def bend_curve(y: Floats, offsets: Floats, stretch: float) -> None:
+def bend_curve(y: Floats, offsets: Floats, wider: float) -> None:
     """Add the curve's error, a spline through its knots, straight beyond them.
 
-    The knots are where they are named times `stretch`; 0 of a file without it means 1.
+    The knots stand at 1 + `wider` times the angles that they are called by.
     """
-    wide = stretch if stretch > 0.0 else 1.0
     cubics = np.zeros((_STARTS.size, 4))
     for piece in range(_STARTS.size):
         for power in range(4):
             cubics[piece, power] = np.sum(_CUBICS[power, piece] * offsets)
     for i in range(y.size):
         piece = 0
-        at = y[i] / wide
+        at = y[i] / (1.0 + wider)
         while piece + 1 < _STARTS.size and at > _STARTS[piece + 1]:
             piece += 1
         a, b, c, d = cubics[piece]
