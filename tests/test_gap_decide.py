@@ -434,3 +434,10 @@ def test_dwells_say_nothing_beside_what_is_far_behind(behind: float, counts: boo
     parts = weigh._of_angle(SimpleNamespace(fits=fits, bench=bench, excluded=()), FLOOR_DEG)
     (of_far,) = [p for p in parts if p.fit.ids == far.ids]
     assert (of_far.unknown.size > len(SHARES)) is counts
+
+
+def test_an_interference_counts_from_twice_what_another_cause_does() -> None:
+    least = SETTINGS.moves * FLOOR_DEG
+    assert weigh._that_move({"creep": 1.1 * least}, FLOOR_DEG) == ("creep",)
+    assert weigh._that_move({"mains_pickup": 1.1 * least}, FLOOR_DEG) == ()
+    assert weigh._that_move({"mains_pickup": 2.1 * least}, FLOOR_DEG) == ("mains_pickup",)
