@@ -14,7 +14,8 @@ import pytest
 
 import campaigns
 from spa_fo.cli import main
-from spa_fo.gap.data.evidence import Evidence, _curve_sigma, _drifts, collect
+from spa_fo.gap.data.evidence import Evidence, _drifts, collect
+from spa_fo.gap.data.sensor_curve import curve_sigma
 from spa_fo.gap.noise.interference import _fast, fast_line
 from spa_fo.gap.plan.profiles import limits_of
 from spa_fo.plant.effects.library import IDS
@@ -147,13 +148,13 @@ def falling_curve() -> SimpleNamespace:
 
 
 def test_errors_of_a_curve_whose_counts_fall_with_the_angle() -> None:
-    sigma = _curve_sigma(falling_curve(), 1.0)  # type: ignore[arg-type]
+    sigma = curve_sigma(falling_curve(), 1.0)  # type: ignore[arg-type]
     rising = falling_curve()
     rising.angles_deg, rising.sigma_knots_deg = (
         rising.angles_deg[::-1],
         rising.sigma_knots_deg[::-1],
     )
-    assert sigma == pytest.approx(_curve_sigma(rising, 1.0))  # type: ignore[arg-type]
+    assert sigma == pytest.approx(curve_sigma(rising, 1.0))  # type: ignore[arg-type]
 
 
 def test_a_calibration_between_trials_shows_the_slip_so_far() -> None:

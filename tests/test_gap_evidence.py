@@ -10,12 +10,11 @@ import pytest
 import campaigns
 from plant_cases import campaign_data, trials
 from spa_fo.gap.data.evidence import (
-    _curve_stretch,
     collect,
-    curve_columns,
     noise_floor,
     repeats,
 )
+from spa_fo.gap.data.sensor_curve import curve_columns, curve_stretch_of
 from spa_fo.gap.noise.bench_noise import bench_noise
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
@@ -184,7 +183,7 @@ def test_what_begins_elsewhere_is_no_repeat_that_is_late(clean: CampaignData) ->
 
 def test_an_error_of_the_curve_may_bend_as_often_over_a_small_range() -> None:
     for reach, stretch in ((20.0, 1.0 / 3.0), (60.0, 1.0), (80.0, 1.0), (180.0, 2.0)):
-        assert _curve_stretch(reach) == pytest.approx(stretch)
+        assert curve_stretch_of(reach) == pytest.approx(stretch)
     knots = np.array(CURVE_KNOTS_DEG[2:])
     at_knots = curve_columns(knots / 3.0, 1.0 / 3.0)[:, 1:]
     np.testing.assert_allclose(at_knots, np.eye(knots.size), atol=1e-12)

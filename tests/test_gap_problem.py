@@ -14,14 +14,13 @@ import naive_rig
 from spa_fo.gap.data.evidence import (
     Evidence,
     Foreseen,
-    _curve_sigma,
     _drifts,
     angle_chain,
     collect,
-    curve_columns,
     with_usual,
 )
 from spa_fo.gap.data.fixture import fixture_of
+from spa_fo.gap.data.sensor_curve import curve_columns, curve_sigma
 from spa_fo.gap.fit.bench import DWELL, Bench, _times_foreseen, bench_for, rows_of
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated, what_came_before
 from spa_fo.gap.noise.dwell_error import DwellError
@@ -251,10 +250,10 @@ def looped(loop_deg: float, ways: int = 2) -> Calibration:
 
 def test_beside_a_hysteresis_the_calibrations_loop_is_no_error_of_its_curve() -> None:
     inside = slice(1, 5)  # knots from 12 to 48 deg
-    assert (_curve_sigma(looped(4.0), 1.0, loop=True)[inside] > 0.5).all()
+    assert (curve_sigma(looped(4.0), 1.0, loop=True)[inside] > 0.5).all()
     apart, none = (
-        _curve_sigma(looped(4.0), 1.0, loop=False),
-        _curve_sigma(looped(0.0), 1.0, loop=True),
+        curve_sigma(looped(4.0), 1.0, loop=False),
+        curve_sigma(looped(0.0), 1.0, loop=True),
     )
     np.testing.assert_allclose(apart, none, atol=0.03)
 

@@ -21,8 +21,9 @@ import campaigns
 from plant_cases import KPA, X, campaign_data, parameters, trials, triangle
 from spa_fo.cli import main
 from spa_fo.errors import BadInput
-from spa_fo.gap.data.evidence import Evidence, collect, curve_columns
+from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.data.searched import at_rate, to_x, to_z
+from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.diagnosis import Cause
 from spa_fo.gap.noise.bench_noise import TYPICAL
 from spa_fo.gap.plan.advice import SEPARABLE, advise, plan, recommendation, runs, table

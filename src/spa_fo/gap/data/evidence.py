@@ -13,9 +13,9 @@ from scipy.ndimage import median_filter
 
 from spa_fo.gap.data.alike import began_vented, run_alike
 from spa_fo.gap.data.fixture import Fixture, fixture_of
+from spa_fo.gap.data.sensor_curve import SHORTEST, curve_sigma, curve_stretch_of, sigma_at
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, USUAL_RISE_S, Reach
-from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SPLINES
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.stages import true_pressure
@@ -31,13 +31,10 @@ _TIMING_S = 0.003  # error of one sample's time
 # say how it slopes. Assumed.
 A_GAP, _CHANGES, _SLOPE = 3.0, 0.02, 11
 _RATE_OVER_S = 0.12
-_CURVE_FLOOR_DEG = 0.08
 _NEAR_S = 0.4
 _TOP = 0.99  # quantile
 _SLOWEST = 10.0  # times the usual; what is plausible of a quick rig is as of a usual one
-_SHORTEST = 0.01  # of the usual reach: a campaign of noise alone has some, too
 _A_STEP = 0.1  # quantile of the distances of neighbouring values: some counts are never read
-_ZERO_KNOT = CURVE_KNOTS_DEG.index(0.0)
 
 
 @dataclass(frozen=True)
@@ -80,8 +77,8 @@ class Evidence:
         angle = max(largest_deg(grid.trials), self.read_deg)
         pressure = float(np.abs(kpa).max())
         return Reach(
-            max(angle, _SHORTEST * USUAL_DEG) / USUAL_DEG,
-            max(pressure, _SHORTEST * USUAL_KPA) / USUAL_KPA,
+            max(angle, SHORTEST * USUAL_DEG) / USUAL_DEG,
+            max(pressure, SHORTEST * USUAL_KPA) / USUAL_KPA,
             self.read_deg,
             float(np.clip(self.rise_s / USUAL_RISE_S, 1.0, _SLOWEST)),
         )
@@ -90,6 +87,11 @@ class Evidence:
     def course_s(self) -> Floats:
         """Time of each averaged sample as that of the first trial alike has it, (n,)."""
         return np.asarray(self.grid.time_s - self.late_s[self.grid.sample_trial])
+
+    @property
+    def curve_share(self) -> float:
+        """How far its knots reach of what is plausible of a curve's errors, which goes further."""
+        return self.curve_stretch / curve_stretch_of(self.reach.angle * USUAL_DEG)
 
     @property
     def lasted_s(self) -> list[float]:
@@ -125,7 +127,7 @@ def collect(data: CampaignData) -> Evidence:
     pressures = [t.pressure_kpa for t in grid.trials if t.pressure_kpa is not None]
     drift, sigma, angles, after = _drifts(data, grid)
     alike, late_s = run_alike(grid)
-    stretch = _curve_stretch(max(largest_deg(grid.trials), np.abs(angles).max(initial=0.0)))
+    stretch = curve_stretch_of(max(largest_deg(grid.trials), np.abs(angles).max(initial=0.0)))
     return Evidence(
         data=data,
         grid=grid,
@@ -139,8 +141,8 @@ def collect(data: CampaignData) -> Evidence:
         + _BINNING_DEG**2
         + (np.hypot(_TIMING_S, _unsure_s(grid, rows)) * _rates(grid, rows)) ** 2,
         curve_stretch=stretch,
-        curve_sigma_deg=_curve_sigma(data.calibration, stretch),
-        curve_apart_deg=_curve_sigma(data.calibration, stretch, loop=False),
+        curve_sigma_deg=curve_sigma(data.calibration, stretch),
+        curve_apart_deg=curve_sigma(data.calibration, stretch, loop=False),
         fixture=fixture_of(data.calibrations, grid.trials[0].started_s),
         drift_deg=drift,
         drift_sigma_deg=sigma,
@@ -198,48 +200,6 @@ def _unsure_s(grid: CampaignGrid, rows: list[Integers]) -> Floats:
     return unsure
 
 
-def curve_columns(angle_deg: Floats, stretch: float) -> Floats:
-    """Give what a unit error of the sensor curve at each knot but 0° makes, (n, knots).
-
-    The knots are `stretch` times `CURVE_KNOTS_DEG`.
-    """
-    return np.asarray(CURVE_SPLINES(angle_deg / stretch))
-
-
-def _curve_stretch(largest_deg: float) -> float:
-    """Let knots lie as close over a small range as over a usual one, and reach as far as a large.
-
-    Over 20° two of them stood, between which no curve could bend.
-    """
-    reach = max(largest_deg, _SHORTEST * USUAL_DEG)
-    return max(min(reach / USUAL_DEG, 1.0), reach / CURVE_KNOTS_DEG[-1])
-
-
-def _curve_sigma(calibration: Calibration | None, stretch: float, loop: bool = True) -> Floats:
-    """Error of the curve at its knots, with half the calibration's loop or without."""
-    knots = stretch * np.delete(np.array(CURVE_KNOTS_DEG), _ZERO_KNOT)
-    if calibration is None:
-        return np.full(knots.size, _CURVE_FLOOR_DEG)
-    sigma = _sigma_at(calibration, knots, loop)
-    low, high = calibration.range_deg
-    # The curve is a line beyond its ends, and real sensors are not.
-    sigma = np.where(knots < low, 0.3 * (low - knots), sigma)
-    sigma = np.where(knots > high, np.hypot(sigma, 0.2 * (knots - high)), sigma)
-    return np.asarray(np.hypot(sigma, _CURVE_FLOOR_DEG))
-
-
-def _sigma_at(calibration: Calibration, angle_deg: Floats, loop: bool) -> Floats:
-    """Error of the curve at some angles, half the loop between its ways in it or not."""
-    rising = np.argsort(calibration.angles_deg)  # counts may fall with the angle
-    knots = calibration.angles_deg[rising], calibration.sigma_knots_deg[rising]
-    sigma = np.interp(angle_deg, *knots)
-    if loop or not calibration.hysteresis_deg:
-        return sigma
-    known = sorted(calibration.hysteresis_deg)
-    half = [0.5 * abs(calibration.hysteresis_deg[angle]) for angle in known]
-    return np.asarray(np.sqrt(np.maximum(sigma**2 - np.interp(angle_deg, known, half) ** 2, 0.0)))
-
-
 def _drifts(data: CampaignData, grid: CampaignGrid) -> tuple[Floats, Floats, Floats, Integers]:
     """Drifts of all later calibrations, their errors, angles, and the trials before them."""
     if not data.drifts or data.calibration is None:
@@ -252,7 +212,7 @@ def _drifts(data: CampaignData, grid: CampaignGrid) -> tuple[Floats, Floats, Flo
     alike = [_goes_alike(data.calibration, later) for later in data.calibrations[1:]]
     sigma = np.concatenate(
         [
-            _sigma_at(data.calibration, item.angles_deg, not same)
+            sigma_at(data.calibration, item.angles_deg, not same)
             for item, same in zip(data.drifts, alike, strict=True)
         ]
     )
@@ -384,13 +344,8 @@ def with_usual(
         angle[steps] = np.interp(ends_s, trial.t_s, own.missed_deg)
         rest = slice(grid.step_starts[i - 1] + grid.trial_steps[i - 1] if i else 0, steps.start)
         angle[rest] = begins[i]
-    stretch = max(evidence.curve_stretch, _curve_stretch(read_deg))
-    calibration = evidence.data.calibration
     return replace(
         evidence,
-        curve_stretch=stretch,
-        curve_sigma_deg=_curve_sigma(calibration, stretch),
-        curve_apart_deg=_curve_sigma(calibration, stretch, loop=False),
         usual=Usual(angle, static_gain(given), begins[0]),
         read_deg=read_deg,
         foreseen_deg=np.sqrt(grid.averaged(np.concatenate(squares))),

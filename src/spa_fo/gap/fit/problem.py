@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
+from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.fit.bench import BRANCH, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.mixed import WEAK
@@ -171,7 +171,7 @@ class AngleProblem(Explained):
         self.variance[self.curve] = known**2
         if curve:
             errors = LIBRARY[curve].parameters[: self.curve.size]
-            spread = [error.at(evidence.reach).spread for error in errors]
+            spread = [evidence.curve_share * e.at(evidence.reach).spread for e in errors]
             self.variance[self.curve] += np.square(spread)
         if self.trend:
             self.variance[self.trends[:4]] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])

@@ -17,8 +17,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.data.evidence import Evidence, angle_chain, curve_columns
+from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.searched import HIGHEST, LN_GAIN, LOWEST, Slot, at_rate, to_x, to_z
+from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.decide.explanation import mounting_of
 from spa_fo.gap.noise.bench_noise import TYPICAL
 from spa_fo.gap.plan.profiles import Profile

@@ -10,8 +10,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.data.evidence import curve_columns
 from spa_fo.gap.data.searched import to_x
+from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.fit.bench import LEVELS, LINE, SHARES, Bench, level_prior
 from spa_fo.gap.fit.minimise import Minimum
 from spa_fo.gap.fit.mixed import Solution
