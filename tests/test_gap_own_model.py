@@ -10,15 +10,17 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+import campaigns
 from blind.first_rig import write_case
 from blind_documents import document, read
 from spa_fo.gap.data.evidence import Evidence, angle_chain, collect
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, to_x, to_z
+from spa_fo.gap.decide import examine
 from spa_fo.gap.decide.verdict import Scored, Verdict, with_unknown
 from spa_fo.gap.diagnose import diagnose
 from spa_fo.gap.fit.coefficients import rise_s
 from spa_fo.gap.fit.own_model import fitted_to, still_taken
-from spa_fo.plant import Model, TransferFunction, read_model
+from spa_fo.plant import PARAMETERS, Model, TransferFunction, read_model
 from spa_fo.plant.effects.effect import USUAL_RISE_S
 from spa_fo.plant.effects.library import absent
 
@@ -118,3 +120,19 @@ def slowed(model: Model, times: float) -> Model:
     """The same actuator, so many times as slow."""
     x = at_rate(model.transfer_function.as_array(), 1.0 / times)
     return replace(model, transfer_function=TransferFunction.from_array(x), extra={})
+
+
+def test_a_model_of_another_actuator_is_no_own_one_of_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaigns.step_campaign(tmp_path / "steps", trials=3)
+    data = read(tmp_path / "steps")
+    x = np.array([campaigns.TRUTH[name] for name in PARAMETERS])
+    x[0], x[2] = x[0] + 0.2, 1.6 * x[2]
+    other = Model(data.campaign.name, "", TransferFunction(*x), data.campaign.reference_kpa)
+    asked: list[str] = []
+    monkeypatch.setattr(examine, "_may_be_bent", lambda _: True)
+    said = diagnose(data, other, progress=asked.append)
+    assert any(step.startswith("once more, as if") for step in asked)
+    assert said.kind != "no_gap"  # with its coefficients free nothing is left
+    assert not any("fitted to this campaign" in each for each in said.findings)

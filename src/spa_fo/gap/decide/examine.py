@@ -144,11 +144,12 @@ def examine(
         progress("once more, as if the model had been fitted to this campaign")
         again, its_drive = explained(own=True)
         bent = _bent_odds(found, again, floor)
-        if bent > 1.0:
+        said = decide(again, its_drive, fast, evidence, floor, drive_floor)
+        # A model that was fitted to a campaign without any cause would not miss it.
+        if bent > 1.0 and said.kind != "no_gap":
             found, drive, odds = again, its_drive, bent
-            verdict = decide(found, drive, fast, evidence, floor, drive_floor)
             # The other way is no explanation that stands, but it may be the right one.
-            verdict = with_unknown(verdict, 1.0 / odds)
+            verdict = with_unknown(said, 1.0 / odds)
     return Examined(everything, held, given, excluded, drive, found, verdict, floor, nominal, odds)
 
 

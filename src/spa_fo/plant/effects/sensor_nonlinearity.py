@@ -22,7 +22,7 @@ EFFECT = Effect(
     parameters=(
         *(_error_at(angle) for angle in CURVE_KNOTS_DEG if angle != 0.0),
         Parameter(
-            *("wider", "1", 0.0, 0.01, -0.95, 9.0),
+            *("wider", "1", 0.0, 0.01, -0.99, 9.0),
             starts=(0.0,),
             means="by how much wider apart these angles are than they are called, as a part",
             is_addition=True,
