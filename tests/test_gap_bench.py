@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 
 from spa_fo.fractional import step_response
 from spa_fo.gap.data.evidence import step_deg_of
-from spa_fo.gap.data.searched import searched_spread, to_x, to_z
+from spa_fo.gap.data.searched import HIGHEST, LOWEST, searched_spread, to_x, to_z
 from spa_fo.gap.fit.bench import hidden_deg, level_prior
 from spa_fo.gap.fit.coefficients import (
     Coefficients,
@@ -123,15 +123,28 @@ def test_what_may_have_shifted_is_known_as_far_as_it_may() -> None:
     s = SETTINGS
     shift = searched_spread(centre, s.shift_orders, s.shift_logs, s.shift_gain)
     np.testing.assert_allclose(moved.spread, known.spread + shift)
-    bare = response_of(known).root @ response_of(known).slopes(centre)
     wider = response_of(moved).root @ response_of(moved).root.T
-    np.testing.assert_allclose(
-        wider,
-        response_of(known).root @ response_of(known).root.T + bare @ shift @ bare.T,
-        rtol=1e-6,
-        atol=1e-9,
-    )
+    known_so_far = response_of(known).root @ response_of(known).root.T
+    root, times_s = np.linalg.cholesky(shift), response_of(known).times_s
+    draws = centre + np.random.default_rng(3).standard_normal((4000, 5)) @ root.T
+    draws = np.clip(draws, LOWEST, HIGHEST)
+    responses = np.array([step_response(times_s, *to_x(z)) for z in draws])
+    apart = (responses - step_response(times_s, *to_x(centre))) / response_of(known).gain
+    mean_square = apart.T @ apart / len(draws)
+    np.testing.assert_allclose(wider - known_so_far, mean_square, atol=0.15 * mean_square.max())
     assert response_of(moved).log_noise == pytest.approx(np.linalg.slogdet(wider)[1])
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_large_shift_bends_the_response(sign: float) -> None:
+    """Two standard deviations are no more than three in each direction, by the draws alone."""
+    centre, known = identified(USUAL, NOISE, 6.0, 8.0)
+    s = SETTINGS
+    shift = searched_spread(centre, s.shift_orders, s.shift_logs, s.shift_gain)
+    far = centre + 2.0 * sign * np.sqrt(np.diag(shift)) * np.array([1.0, 0.0, -1.0, 0.5, 1.0])
+    straight = response_of(known).wider(centre, shift).left(far)
+    drawn = response_of(known.shifted(centre)).left(far)
+    assert drawn @ drawn < 5.0 * 3.0**2 + drawn.size < straight @ straight
 
 
 def test_beside_tempered_evidence_what_a_model_tells_counts_whole() -> None:

@@ -9,6 +9,7 @@ actuator's; or, beside a reference, as wide about the model itself.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ _SLOPE_STEP = 1e-4
 _RISEN = 0.63
 _FASTEST, _SLOWEST = 100.0, 0.01  # as fast as the paper's actuators
 _SAMPLES = 400
+_DRAWS = 64  # of a shift, in pairs
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,25 @@ class KnownResponse:
         slopes = self.root @ self.slopes(z)
         covariance = self.root @ self.root.T + slopes @ spread @ slopes.T
         return replace(self, root=np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+
+    def shifted(self, z: Floats, spread: Floats) -> KnownResponse:
+        """Return it as it is known where coefficients about `z` have shifted since by `spread`.
+
+        A shift is so large that the response does not go straight with it, as it does in `wider`:
+        its covariance is that of drawn shifts.
+        """
+        drawn = np.clip(z[:5] + _normal_draws() @ np.linalg.cholesky(spread).T, LOWEST, HIGHEST)
+        moved = np.array([self.left(z) - self.left(one) for one in drawn]) @ self.root.T
+        covariance = self.root @ self.root.T + moved.T @ moved / len(drawn)
+        return replace(self, root=np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+
+
+@cache
+def _normal_draws() -> Floats:
+    """Draws of five standard normal numbers, in pairs about 0, whose covariance is exact."""
+    half = np.random.default_rng(0).standard_normal((_DRAWS // 2, 5))
+    drawn = np.vstack([half, -half])
+    return np.linalg.solve(np.linalg.cholesky(drawn.T @ drawn / _DRAWS), drawn.T).T
 
 
 @dataclass(frozen=True)
@@ -107,7 +128,7 @@ class Coefficients:
         if self.response is None:
             return self
         shift = _shift(z)
-        return Coefficients(self.mean, self.spread + shift, self.response.wider(z, shift))
+        return Coefficients(self.mean, self.spread + shift, self.response.shifted(z, shift))
 
 
 def _shift(z: Floats) -> Floats:
