@@ -12,6 +12,7 @@ from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.noise.pressure_noise import pressure_noise
 from spa_fo.gap.search.drive import _WINDOWS, _beyond, examine_drive
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, rare
 from spa_fo.plant.memory import FINEST_STEP_S
 
@@ -230,7 +231,7 @@ def test_a_regulator_that_wanders_slowly_is_no_drive_effect():
         wandering.append(replace(trial, pressure_kpa=trial.pressure_kpa + wander))
     evidence = collect(campaign_data(wandering))
     noise = pressure_noise(evidence, np.full(evidence.grid.angle_deg.size, 0.02**2))
-    assert np.sqrt(noise.coloured.sum()) == pytest.approx(0.5, rel=0.4)
+    assert np.sqrt(noise.spectrum.coloured.sum()) == pytest.approx(0.5, rel=0.4)
     found = examine_drive(evidence, RARE, X)
     none = found.fits[()].evidence.max()
     assert all(fit.evidence.max() < none + 3.0 for fit in found.fits.values())
@@ -241,8 +242,28 @@ def test_without_repeats_the_pressure_has_the_noise_of_its_samples():
     evidence = driven([0.0])
     known = np.full(evidence.grid.angle_deg.size, 0.02**2)
     noise = pressure_noise(evidence, known)
-    assert noise.white == evidence.pressure_noise_kpa**2
-    assert not noise.coloured.any()
+    assert noise.spectrum.white == evidence.pressure_noise_kpa**2
+    assert not noise.spectrum.coloured.any()
+    assert noise.gain == SETTINGS.pressure_gain
+
+
+def test_a_regulator_that_comes_to_a_pressure_with_a_gain_of_each_trial_is_no_drive_effect():
+    evidence = driven([0.0] * 8)
+    gains = 1.0 + 0.02 * np.random.default_rng(4).standard_normal(8)
+    own = [
+        replace(trial, pressure_kpa=gain * trial.pressure_kpa)
+        for gain, trial in zip(gains, evidence.grid.trials, strict=True)
+    ]
+    evidence = collect(campaign_data(own))
+    noise = pressure_noise(evidence, np.full(evidence.grid.angle_deg.size, 0.02**2))
+    assert noise.gain == pytest.approx(gains.std(ddof=1), rel=0.3)
+    found = examine_drive(evidence, RARE, X)
+    none = found.fits[()]
+    assert all(fit.evidence.max() < none.evidence.max() + 3.0 for fit in found.fits.values())
+    assert none.evidence[0] > none.evidence.max() - 3.0  # and nothing is missed
+    true_kpa = np.repeat(gains, np.diff(evidence.grid.cell_starts)) * evidence.grid.command_kpa
+    missed = np.mean((found.pressure_kpa - true_kpa) ** 2)
+    assert missed < 0.3 * np.mean((evidence.grid.command_kpa - true_kpa) ** 2)
 
 
 def test_a_supply_that_cycles_varies_by_more_than_a_regulator():

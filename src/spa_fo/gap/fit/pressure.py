@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from spa_fo.gap.data.evidence import Evidence, modelled_pressure
 from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.least_squares import Explained, slots_of
+from spa_fo.gap.fit.nuisances import most
+from spa_fo.gap.noise.pressure_noise import PressureNoise
 from spa_fo.gap.noise.whitening import Whitening
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import Parameter
@@ -120,7 +122,8 @@ class PressureProblem(Explained):
     """The pressure of a campaign, kPa, and an explanation of it.
 
     Searched are the effects' parameters and, last, the lag of the pressure's sensor. Its nuisances
-    are the sensor's offset, gain and lateness.
+    are each trial's own gain, where its scatter is given, and the sensor's offset, gain and
+    lateness.
 
     Parameters
     ----------
@@ -132,23 +135,38 @@ class PressureProblem(Explained):
         Drive effects.
     lag_known : bool
         Whether the sensor's lag is in the command already, as it is in a nominal drive.
+    noise : PressureNoise, optional
+        How trials scatter; by default they do not.
     """
 
     def __init__(
-        self, evidence: Evidence, whitening: Whitening, ids: Sequence[str], lag_known: bool = False
+        self,
+        evidence: Evidence,
+        whitening: Whitening,
+        ids: Sequence[str],
+        lag_known: bool = False,
+        noise: PressureNoise | None = None,
     ) -> None:
         self.evidence, self.whitening, self.ids = evidence, whitening, tuple(ids)
         self.rows, self.sigma = whitening.rows, np.zeros(0)
         lag = _LAG_LEFT if lag_known else _LAG
         if evidence.data.campaign.log.format == "spa-rig":
             lag = _RIG_LAG
-        super().__init__([*slots_of(ids, evidence.reach), Slot(lag, -1)], np.ones(1))
+        scale = np.array([1.0 if noise is None else noise.gain])
+        super().__init__([*slots_of(ids, evidence.reach), Slot(lag, -1)], scale)
         assert evidence.grid.measured_kpa is not None
         self.measured = self.rows.merged(evidence.grid.measured_kpa)
-        self.group = np.full(3, -1)
+        trial = np.concatenate([g.trial for g in self.rows.groups])
+        self.own = np.zeros((trial.size, 0))
+        if noise is not None:
+            self.own = (trial[:, None] == np.unique(trial)).astype(np.float64)
+            self.strength += noise.repeats * (1.0 / SETTINGS.temper - 1.0)  # as of the angle
+            self.most = most(noise.repeats) * np.maximum(scale, SETTINGS.pressure_gain)
+        self.group = np.append(np.zeros(self.own.shape[1], dtype=np.int64), np.full(3, -1))
         # When within its interval a row is read, cells as long do not know.
         late_s = float(np.hypot(SETTINGS.angle_late_s, _UNIFORM * _interval_s(evidence)))
-        self.variance = np.square([SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain, late_s])
+        sensors = np.square([SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain, late_s])
+        self.variance = np.append(np.full(self.own.shape[1], float(scale[0]) ** 2), sensors)
 
     def cells(self, z: Floats) -> Floats:
         """Give the true pressure on the grid's cells, kPa."""
@@ -168,7 +186,8 @@ class PressureProblem(Explained):
         return self.rows.merged(self.predict(z))
 
     def columns(self, z: Floats) -> Floats:
-        """Columns of the nuisances, (rows, 3)."""
+        """Columns of the nuisances, (rows, trials with a gain of their own + 3)."""
         y = self.predict(z)
         late = np.clip(-self.evidence.grid.slopes(y), -20.0, 20.0)
-        return self.rows.merged(np.column_stack([np.ones(y.size), y, late]))
+        sensors = self.rows.merged(np.column_stack([np.ones(y.size), y, late]))
+        return np.hstack([self.own * sensors[:, 1:2], sensors])

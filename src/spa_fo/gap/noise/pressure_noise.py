@@ -2,26 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence, repeats
 from spa_fo.gap.noise.bench_noise import taken_apart
-from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum, estimate
+from spa_fo.gap.noise.coloured import (
+    CORRELATION_S,
+    Scatter,
+    Spectrum,
+    estimate,
+    scatter,
+)
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA
 
 Floats = NDArray[np.float64]
 
 _JUMPS = 9.0  # times the median variance between repeats. Assumed.
+_OWN = np.array([0.0, 1.0, 1.0, 0.0])  # a trial's gain and delay, which may be the log's
+_TYPICAL = Scatter(SETTINGS.pressure_gain, 0.0, 0.0)  # as well as a pressure sensor's gain is known
 
 
-def pressure_noise(evidence: Evidence, known: Floats) -> Spectrum:
-    """Estimate the noise of the measured pressure, kPa², as that of the angle (`estimate`).
+@dataclass(frozen=True)
+class PressureNoise:
+    """What the measured pressure differs by between trials that were run alike."""
 
-    A regulator wanders, slowly and in no two trials alike. Where nothing is repeated, only noise
-    from sample to sample is known.
+    spectrum: Spectrum  # within a trial, kPa²
+    gain: float  # from trial to trial, 1 sigma: a regulator comes to a pressure so well
+
+    @property
+    def repeats(self) -> int:
+        """Degrees of freedom behind it."""
+        return self.spectrum.repeats
+
+
+def pressure_noise(evidence: Evidence, known: Floats) -> PressureNoise:
+    """Estimate the noise of the measured pressure as that of the angle (`estimate`, `scatter`).
+
+    A regulator comes to a pressure in each trial with a gain of its own, and wanders within it.
+    Where nothing is repeated, only noise from sample to sample is known.
     """
     grid, reach = evidence.grid, evidence.reach
     assert grid.measured_kpa is not None
@@ -38,13 +60,15 @@ def pressure_noise(evidence: Evidence, known: Floats) -> Spectrum:
         one = taken_apart(evidence, repeated, fixed)
         if one is None:
             continue
-        # An offset and a gain of a trial's own are the slow part of it; a delay may be the log's.
-        differences.append(replace(one, nuisances=one.nuisances[:, 2:3]))
+        differences.append(replace(one, nuisances=one.nuisances * _OWN))
     white = evidence.pressure_noise_kpa
     if not differences:
-        return Spectrum(white**2, np.zeros(CORRELATION_S.size))
+        spectrum = Spectrum(white**2, np.zeros(CORRELATION_S.size))
+        return PressureNoise(spectrum, _TYPICAL.gain)
     found = estimate(differences, per_kpa * white)
-    return Spectrum(found.white / per_kpa**2, found.coloured / per_kpa**2, found.repeats)
+    gain = scatter(differences, found, _TYPICAL).gain
+    spectrum = Spectrum(found.white / per_kpa**2, found.coloured / per_kpa**2, found.repeats)
+    return PressureNoise(spectrum, gain)
 
 
 def between_repeats(evidence: Evidence, known: Floats) -> Floats:

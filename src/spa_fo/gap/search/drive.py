@@ -20,7 +20,7 @@ from spa_fo.gap.fit.bench import SHARES, Bench, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, row_cells, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
-from spa_fo.gap.noise.pressure_noise import between_repeats, pressure_noise
+from spa_fo.gap.noise.pressure_noise import PressureNoise, between_repeats, pressure_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.explanations import Explanations
@@ -120,10 +120,10 @@ def examine_drive(
         What is to be expected beside the sensor's noise, kPa².
     """
     step, lag_known = resolution(evidence), beyond is not None  # by the same sensor
-    whitening = _whitening(evidence, step, beyond)
+    whitening, noise = _whitening(evidence, step, beyond)
 
     def problem(ids: Ids) -> PressureProblem:
-        return PressureProblem(evidence, whitening, ids, lag_known)
+        return PressureProblem(evidence, whitening, ids, lag_known, noise)
 
     def alone(ids: Ids) -> DriveFit:
         own = problem(ids)
@@ -137,7 +137,7 @@ def examine_drive(
 
     rooms = _rooms(evidence, step)
     fits: dict[Ids, DriveFit] = {(): alone(())}
-    wander = 0.0 if beyond is not None else _wander(evidence, whitening.spectrum)
+    wander = 0.0 if noise is None else _wander(evidence, noise)
     late = fits[()].z[-1] > QUICK_S  # which may be the drive's, as far as the pressure goes
     if late or _drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
@@ -154,12 +154,15 @@ def examine_drive(
     return _drive_of(evidence, fits, x, wander)
 
 
-def _wander(evidence: Evidence, noise: Spectrum) -> float:
-    """RMS by which repeats wander, of that of the command where it is one."""
+def _wander(evidence: Evidence, noise: PressureNoise) -> float:
+    """RMS by which repeats differ, of that of the command where it is one."""
     command_kpa = evidence.grid.command_kpa
     assert command_kpa is not None
     told = command_kpa[command_kpa != 0.0]
-    return float(np.sqrt(noise.coloured.sum() / np.mean(told**2))) if told.size else 0.0
+    if not told.size:
+        return 0.0
+    within = noise.spectrum.coloured.sum() / np.mean(told**2)
+    return float(np.sqrt(noise.gain**2 + within))
 
 
 def _drive_of(
@@ -182,31 +185,40 @@ def _drive_of(
     )
 
 
-def _whitening(evidence: Evidence, step_kpa: float, beyond: Spectrum | None) -> Whitening:
-    """Say what is noise at the rows of the pressure, and how large the gap is."""
-    known = timing_error(evidence) ** 2 + _BINNING_KPA**2
+def _whitening(
+    evidence: Evidence, step_kpa: float, beyond: Spectrum | None
+) -> tuple[Whitening, PressureNoise | None]:
+    """Say what is noise at the rows of the pressure, and how large the gap is.
+
+    Beside `beyond`, which holds what repeats differ by, no more is known of trials.
+    """
+    known, noise = timing_error(evidence) ** 2 + _BINNING_KPA**2, None
     spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
-    if beyond is None:  # which holds what repeats differ by
-        spectrum = pressure_noise(evidence, known)
-    between = between_repeats(evidence, known + spectrum.coloured.sum())
+    differ = np.zeros(known.size)
+    if beyond is None:
+        assert evidence.grid.measured_kpa is not None
+        noise = pressure_noise(evidence, known)
+        spectrum, differ = noise.spectrum, (noise.gain * evidence.grid.measured_kpa) ** 2
+    between = between_repeats(evidence, known + spectrum.coloured.sum() + differ)
     rows = rows_of(evidence, known + between)
     hidden = step_kpa / np.sqrt(12.0)
     if beyond is not None:
         spectrum = spectrum.beside(beyond)
     bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
     white = spectrum.white + hidden**2
-    squares = _beyond_noise(rows, white, float(spectrum.coloured.sum()), bare.left(np.zeros(1)))
+    coloured = spectrum.coloured.sum() + rows.merged(differ)
+    squares = _beyond_noise(rows, white, coloured, bare.left(np.zeros(1)))
     whitening = Whitening(rows, spectrum, local_size(rows, squares), hidden)
     for share in (*SHARES, SETTINGS.search_share):
         whitening.factor(1.0, share)  # before processes share the work
-    return whitening
+    return whitening, noise
 
 
-def _beyond_noise(rows: Rows, white: float, coloured: float, left: Floats) -> Floats:
+def _beyond_noise(rows: Rows, white: float, coloured: Floats, left: Floats) -> Floats:
     """Square what is left at each row, less its noise; about a jump at least as its neighbours."""
     squares = left**2
     for group in rows.groups:
-        noise = group.fixed + white / group.count + coloured
+        noise = group.fixed + white / group.count + coloured[group.rows]
         squares[group.rows] -= noise
         for trial in np.unique(group.trial):
             mine = np.flatnonzero(group.trial == trial)
@@ -279,7 +291,8 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
     z = min(searched, key=lambda each: each.at.value).z
     linear = problem.linear(z)
     weighed = [
-        problem.weigh(linear, problem.whitening.factor(1.0, share), np.ones(1)) for share in SHARES
+        problem.weigh(linear, problem.whitening.factor(1.0, share), problem.scales**2)
+        for share in SHARES
     ]
     evidence = np.array([log for log, _, _ in weighed])
     _, solution, top = weighed[int(np.argmax(evidence))]
@@ -297,7 +310,7 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
         believed_kpa=cells + surely,
         predicted_kpa=grid.sampled(cells),
         residual_kpa=grid.measured_kpa - shown - offset - gain * shown,
-        sigma=np.sqrt(np.diag(problem.posterior(linear, factor, np.ones(1)))),
+        sigma=np.sqrt(np.diag(problem.posterior(linear, factor, problem.scales**2))),
         evidence=evidence,
         left_kpa=problem.whitening.beyond_noise(problem.remaining(linear, solution, top)),
     )
