@@ -15,6 +15,7 @@ from naive_rig import BANNER, data_line, log, rows
 from spa_fo.errors import BadInput
 from spa_fo.rig.parse_report import FileReport
 from spa_fo.rig.spa_rig_log import SpaRigLog, parse_spa_rig_log, read_spa_rig_log
+from spa_fo.rig.wire import format_line
 
 ROWS = rows(120)
 
@@ -366,3 +367,14 @@ def test_swapped_bytes_of_seq_and_time_are_caught() -> None:
             assert report.valid >= 119
     assert damaged > 50
     assert accepted == 0
+
+
+def test_a_column_of_the_board_s_own_is_said_to_be_passed_over() -> None:
+    whole = parse(log(ROWS))
+    banner = BANNER.replace("flex_adc", "flex_adc,temp_dc")
+    warm = [format_line([*row[:-3].decode().split(","), "-3.5"]) for row in ROWS]
+    found = parse(log(warm, banner))
+    assert found.columns.keys() == whole.columns.keys()
+    for name, values in whole.columns.items():
+        np.testing.assert_array_equal(found.columns[name], values)
+    assert found.report.notes == ("columns passed over: temp_dc",)

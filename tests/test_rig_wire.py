@@ -109,7 +109,10 @@ def test_the_banner_round_trip() -> None:
         (b"# spa-rig 2 adc_bits=10 vref_mv=5000 rate_hz=50 columns=seq", "expected '# spa-rig 1"),
         (b"# spa-rig", "expected '# spa-rig 1"),
         (b"# spa-rigs 1 a=b", "expected '# spa-rig 1"),
-        (naive_rig.BANNER.replace("flex_adc", "flex").encode(), "unknown column 'flex'"),
+        (naive_rig.BANNER.replace("flex_adc", "flex").encode(), "lacks flex_adc"),
+        (naive_rig.BANNER.replace("p_adc", "p_acd").encode(), "did you mean 'p_adc'?"),
+        (naive_rig.BANNER.replace("p_adc", "cmd kpa").encode(), "expected key=value"),
+        (naive_rig.BANNER.replace("p_adc", "p*").encode(), "unknown column 'p*'; expected one of"),
         (naive_rig.BANNER.replace("t_us,", "").encode(), "lacks t_us"),
         (naive_rig.BANNER.replace(",flex_adc", "").encode(), "lacks flex_adc"),
         (naive_rig.BANNER.replace("p_adc", "seq").encode(), "names a column twice"),
@@ -133,3 +136,11 @@ def test_comments() -> None:
     assert is_comment(b"# a note")
     assert not is_comment(b"#note")
     assert not is_comment(b"# \xff")
+
+
+def test_what_a_board_logs_besides_is_passed_over() -> None:
+    banner = parse_banner(naive_rig.BANNER.replace("p_adc", "temp_dc").encode())
+    assert banner.columns == ("seq", "t_us", "cmd_kpa", "temp_dc", "flex_adc")
+    fields = ["1", "20000", "0.0", "warm -3", "512"]
+    parsed = LineParser(banner.columns).parse(format_line(fields))
+    assert parsed == tuple(field.encode() for field in fields)

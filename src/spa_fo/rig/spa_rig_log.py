@@ -15,6 +15,7 @@ from spa_fo.rig.clock import WRAP, follow, sample_clock
 from spa_fo.rig.parse_report import FileReport, Tally
 from spa_fo.rig.raw import read_bytes
 from spa_fo.rig.wire import (
+    COLUMNS,
     Banner,
     LineParser,
     is_banner,
@@ -100,7 +101,7 @@ def parse_spa_rig_log(data: bytes, path: Path | str, name: str | None = None) ->
         wraps=timeline.wraps,
         resets=timeline.resets,
         resets_without_banner=timeline.resets_without_banner,
-        notes=tuple(timeline.notes),
+        notes=(*timeline.notes, *_passed_over(banner)),
     )
     if not timeline.rows:
         raise BadInput(path, f"holds no valid sample in {len(lines)} lines: {report.why()}")
@@ -113,7 +114,7 @@ def parse_spa_rig_log(data: bytes, path: Path | str, name: str | None = None) ->
         columns={
             column: np.array([float(row[place]) for row in rows])
             for place, column in enumerate(banner.columns)
-            if column not in ("seq", "t_us")
+            if column in COLUMNS - {"seq", "t_us"}
         },
         seq=np.array([timeline.seq[i] for i in timeline.rows], dtype=np.int64),
         line=np.array([sorted_lines.numbers[i] for i in timeline.rows], dtype=np.int64),
@@ -121,6 +122,12 @@ def parse_spa_rig_log(data: bytes, path: Path | str, name: str | None = None) ->
         segment=segment,
         report=report,
     )
+
+
+def _passed_over(banner: Banner) -> tuple[str, ...]:
+    """Say which columns are not read."""
+    others = [name for name in banner.columns if name not in COLUMNS]
+    return (f"columns passed over: {', '.join(others)}",) if others else ()
 
 
 def _first_banner(lines: list[bytes], path: Path | str) -> tuple[int, Banner]:

@@ -15,6 +15,7 @@ another, 0.3 % (0.3 %). One byte changed or lost never passes, but for a lost ze
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,6 +40,11 @@ _PATTERNS = {
     "flex_adc": _COUNT,
     "angle_deg": _DECIMAL,
 }
+COLUMNS = frozenset(_PATTERNS)
+"""Columns that are read; whatever a board logs beside them is passed over."""
+_MISTYPED = 0.75  # share of characters that agree
+_PASSED_OVER = rb"[^,*#]*"
+_NAME = re.compile(r"[A-Za-z_][\w.]*", re.ASCII)
 _CHECKSUM = re.compile(rb"[0-9A-F]{2}")
 _PRINTABLE = re.compile(rb"[\x20-\x7e]*")
 
@@ -98,7 +104,7 @@ def parse_banner(line: bytes) -> Banner:
     Raises
     ------
     ValueError
-        It is not a banner of version 1 with known columns; the text says what was expected.
+        It is not a banner of version 1 with the columns needed; the text says what was expected.
     """
     if not is_banner(line):
         raise ValueError(no_banner(line))
@@ -133,7 +139,7 @@ class LineParser:
 
     def __init__(self, columns: Sequence[str]) -> None:
         self.columns = tuple(columns)
-        fields = b",".join(b"(" + _PATTERNS[name] + b")" for name in self.columns)
+        fields = b",".join(b"(" + _PATTERNS.get(name, _PASSED_OVER) + b")" for name in self.columns)
         self._line = re.compile(b"(" + fields + rb")\*([0-9A-F]{2})")
 
     def parse(self, line: bytes) -> tuple[bytes, ...] | None:
@@ -164,9 +170,12 @@ class LineParser:
 
 def _columns(text: str) -> tuple[str, ...]:
     columns = tuple(text.split(","))
+    missing = sorted(COLUMNS - set(columns))
     for name in columns:
-        if name not in _PATTERNS:
-            raise ValueError(f"unknown column '{name}'{suggestion(name, _PATTERNS)}")
+        # What nearly has the name of a column that is missing is that column, mistyped.
+        meant = difflib.get_close_matches(name, missing, n=1, cutoff=_MISTYPED)
+        if name not in COLUMNS and (meant or not _NAME.fullmatch(name)):
+            raise ValueError(f"unknown column '{name}'{suggestion(name, meant or COLUMNS)}")
     if len(set(columns)) < len(columns):
         raise ValueError(f"columns={text} names a column twice")
     for name in ("seq", "t_us"):
