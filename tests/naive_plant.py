@@ -59,7 +59,8 @@ def play(signal, width, centre, wait=0.0, vented=0.0):
 def slew(signal, rise, ratio, approach):
     out, now = [], 0.0
     for value in signal:
-        wanted = (value - now) / approach
+        rest = value - now
+        wanted = rest * (rise if rest > 0.0 else rise * ratio) / approach
         now += MS * min(max(wanted, -rise * ratio), rise)
         out.append(now)
     return np.array(out)

@@ -43,7 +43,7 @@ SIZES: dict[str, dict[str, float]] = {
         "vented_share": 0.6,
         "renewal_per_kpa": 0.02,
     },
-    "slew_limit": {"rise_kpa_s": 60.0, "fall_ratio": 0.7, "approach_s": 0.05},
+    "slew_limit": {"rise_kpa_s": 60.0, "fall_ratio": 0.7, "approach_kpa": 3.0},
     "drive_backlash": {"play_kpa": 3.0, "centre": 0.4, "kept": 1.0, "wait_s": 0.0, "vented": 0.0},
     "stiffening": {"fraction_at_60deg": 0.15, "exponent": 2.2},
     "gravity_load": {"along_rest": 0.1, "across_rest": 0.1, "at_rest": 0.0},

@@ -73,7 +73,7 @@ DRIVES = {
     "line_lag": lambda s, p: naive.lag(s, **p),
     "supply_droop": lambda s, p: naive.droop(s, **p),
     "leak": lambda s, p: naive.leak(s, *p.values()),
-    "slew_limit": lambda s, p: naive.slew(s, p["rise_kpa_s"], p["fall_ratio"], p["approach_s"]),
+    "slew_limit": lambda s, p: naive.slew(s, p["rise_kpa_s"], p["fall_ratio"], p["approach_kpa"]),
     "drive_backlash": lambda s, p: naive.play(
         s, p["play_kpa"], p["centre"], p["wait_s"], p["vented"]
     ),
@@ -527,7 +527,7 @@ NOTHING: dict[str, dict[str, float]] = {
     "sensor_detachment": {"lost": 0.0, "level_deg": 0.0},
     "sensor_freeze": {"held": 0.0},
     "drive_hunting": {"fall": 0.0},
-    "slew_limit": {"rise_kpa_s": 1e9, "approach_s": 1e-9},
+    "slew_limit": {"rise_kpa_s": 1e9, "approach_kpa": 1.0},
     "sensor_saturation": {"ceiling_deg": 1e6, "knee_deg": 0.1},
     "supply_limit": {"highest_kpa": 1e6, "knee": 1e-6},
 }

@@ -85,6 +85,8 @@ class Parameter:
         as the unit says: degrees with the angle, kPa with the pressure.
     beyond_read : bool
         Whether it is an angle that nothing before can have been read beyond.
+    searched_to : float, optional
+        How large it is searched at most, as plausible goes: beyond it does what another effect is.
     is_addition : bool
         Whether it came to its effect later: model files that lack it mean 0.
     is_delay : bool
@@ -103,6 +105,7 @@ class Parameter:
     goes_with: tuple[float, float] | None = None
     beyond_read: bool = False
     is_delay: bool = False
+    searched_to: float | None = None
     is_addition: bool = False
 
     @property
@@ -113,19 +116,22 @@ class Parameter:
     def at(self, reach: Reach) -> Parameter:
         """Return what is plausible of it on a rig of another reach.
 
-        Its bounds stay, but for what was read before.
+        Its bounds stay, but for what was read before, and how far it is searched.
         """
         angle, pressure = self.goes_with or _GOES_WITH.get(self.unit, (0.0, 0.0))
         time = _IN_TIME.get(self.unit, 0.0)
         factor = float(reach.angle**angle * reach.pressure**pressure * reach.time**time)
         low = min(max(self.low, reach.read_deg), self.high) if self.beyond_read else self.low
+        most = np.inf if self.searched_to is None else factor * self.searched_to
+        high = min(max(most, low), self.high)
 
         def scaled(value: float) -> float:
-            return min(max(factor * value, low), self.high)
+            return min(max(factor * value, low), high)
 
         return replace(
             self,
             low=low,
+            high=high,
             centre=scaled(self.centre),
             spread=self.spread if self.log else factor * self.spread,
             starts=tuple(map(scaled, self.starts)),
@@ -282,11 +288,21 @@ def shape(
     high: float,
     starts: tuple[float, ...] = (),
     beyond_read: bool = False,
+    searched_to: float | None = None,
 ) -> Parameter:
     """Make a positive parameter, such as a time, that is mostly within a factor of its centre."""
-    spread, starts = float(np.log(factor)), starts or (centre,)
     return Parameter(
-        name, unit, centre, spread, low, high, True, starts, means, beyond_read=beyond_read
+        name=name,
+        unit=unit,
+        centre=centre,
+        spread=float(np.log(factor)),
+        low=low,
+        high=high,
+        log=True,
+        starts=starts or (centre,),
+        means=means,
+        beyond_read=beyond_read,
+        searched_to=searched_to,
     )
 
 
