@@ -140,7 +140,12 @@ def examine(
         drive_floor = expected_kpa * drive.per_kpa_deg
     verdict = decide(found, drive, fast, evidence, floor, drive_floor)
     odds = np.inf
-    if beyond is None and not own and plain.campaign == campaign.name and _may_be_bent(verdict):
+    if (
+        beyond is None
+        and not own
+        and plain.campaign == campaign.name
+        and _may_be_bent(verdict, pressed)
+    ):
         progress("once more, as if the model had been fitted to this campaign")
         again, its_drive = explained(own=True)
         bent = _bent_odds(found, again, floor)
@@ -153,14 +158,15 @@ def examine(
     return Examined(everything, held, given, excluded, drive, found, verdict, floor, nominal, odds)
 
 
-def _may_be_bent(verdict: Verdict) -> bool:
+def _may_be_bent(verdict: Verdict, drive: Drive | None) -> bool:
     """Say whether the given model may have been fitted to the gap itself, and have bent with it.
 
-    Then its own coefficients are missed beside the cause, or nothing explains what is left.
+    Then something beside the cause makes up for that, or nothing explains what is left. What the
+    pressure tells of the drive it tells whatever the model is.
     """
-    again = at_port("coefficients")
     first = verdict.sets[0] if verdict.sets else ()
-    return verdict.kind == "unknown" or (again in first and len(first) > 1)
+    beside = [n for n in first if drive is None or LIBRARY[n].stage != "drive"]
+    return verdict.kind == "unknown" or len(beside) > 1
 
 
 def _bent_odds(known: Explanations, own: Explanations, floor_deg: float) -> float:

@@ -73,10 +73,7 @@ class _Part:
 
 
 def _missed(gap_deg: float, left_deg: float) -> Floats:
-    """Say how much is missed at each share, deg.
-
-    Whoever misses anything misses what is left: a smooth error fits a small share as well.
-    """
+    """Say how much is missed at each share, deg: at any but none no less than is left."""
     least = np.where(_SHARES > 0.0, min(left_deg, gap_deg), 0.0)
     return np.asarray(np.maximum(_SHARES * gap_deg, least))
 
@@ -100,7 +97,7 @@ def _weighed(
     return right, np.where(nothing if ids else small, -np.inf, unknown)
 
 
-def _part(
+def _parts(
     fit: Fitted | DriveFit,
     logs: Floats,
     moved: Mapping[str, float],
@@ -111,27 +108,30 @@ def _part(
     left_deg: float,
     floor_deg: float,
     repeats: bool = True,
-) -> _Part | None:
-    """Weigh one fit by what it is named for; None where another is worth as much without it.
+) -> list[_Part]:
+    """Weigh one fit by what it is named for; none where another is worth as much without it.
 
     `apart` says by how much the fit of some of its effects alone differs, deg: infinite where there
     is none; `worth` what that is worth, nats. An effect is named where it moves the angle, and
-    where the others do not do as well without it, against `all_deg`, what all of them do.
+    where the others do not do as well without it, against `all_deg`, what all of them do. Where
+    several do, each has a part, as far behind the best as by itself.
     """
-    s, ids, named = SETTINGS, fit.ids, _that_move(moved, floor_deg)
+    s, ids, moving = SETTINGS, fit.ids, _that_move(moved, floor_deg)
     least = max(s.needed * floor_deg, s.of_all * all_deg)
-    named = _enough(named, apart, worth, least, float(logs.max()) - WORTH_WEIGHING)
-    if ids and not named:
-        return None
-    # What moves too little to be named makes up for the form of what is: it has no price
-    # beforehand, and is missed by that form.
-    priced, helped = named, 0.0 if named == ids else apart(named)
-    if not np.isfinite(helped):
-        priced, helped = ids, 0.0
-    missed = _missed(gap_deg, max(left_deg, helped))
-    right, unknown = _weighed(priced, logs, missed, floor_deg, repeats)
-    left = float(missed[int(np.argmax(logs))])
-    return _Part(named, priced, right, unknown, fit, {n: moved[n] for n in named}, left, missed)
+    parts = []
+    every = _enough(moving, apart, worth, least, float(logs.max()) - WORTH_WEIGHING)
+    for named in every if moving or not ids else []:
+        # What moves too little to be named makes up for the form of what is: it has no price
+        # beforehand, and is missed by that form.
+        priced, helped = named, 0.0 if named == ids else apart(named)
+        if not np.isfinite(helped):
+            priced, helped = ids, 0.0
+        missed = _missed(gap_deg, max(left_deg, helped))
+        behind = worth(every[0]) - worth(named) if len(every) > 1 else 0.0
+        right, unknown = _weighed(priced, logs - behind, missed, floor_deg, repeats)
+        left, its = float(missed[int(np.argmax(logs))]), {n: moved[n] for n in named}
+        parts.append(_Part(named, priced, right, unknown, fit, its, left, missed))
+    return parts
 
 
 def _enough(
@@ -140,16 +140,17 @@ def _enough(
     worth: Callable[[Ids], float],
     least_deg: float,
     least_nats: float,
-) -> Ids:
-    """Take the fewest of a set's effects that do as well as all of it.
+) -> list[Ids]:
+    """Take the fewest of a set's effects that do as well as all of it, the best such few first.
 
-    The best so many are worth more than `least_nats`, and apart by less than `least_deg`.
+    They, and all others returned, are worth more than `least_nats` and apart by less than
+    `least_deg`.
     """
     for size in range(1, len(named)):
-        best = max(combinations(named, size), key=lambda m: (worth(m), -apart(m)))
-        if worth(best) > least_nats and apart(best) < least_deg:
-            return best
-    return named
+        every = sorted(combinations(named, size), key=lambda one: (-worth(one), apart(one)))
+        if worth(every[0]) > least_nats and apart(every[0]) < least_deg:
+            return [m for m in every if worth(m) > least_nats and apart(m) < least_deg]
+    return [named]
 
 
 def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
@@ -170,7 +171,7 @@ def _least_deg(name: str, floor_deg: float) -> float:
 def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
     s, bench = SETTINGS, found.bench
     repeats, weight = bench.noise.spectrum.repeats > 0, bench.evidence.grid.counts
-    parts: list[_Part | None] = []
+    parts: list[_Part] = []
     known = [f for f in found.fits.values() if np.isfinite(f.logs).all()]
     known = [f for f in known if not set(f.ids) & set(found.excluded)]
     best = max((float(f.logs.max()) - price(f) for f in known), default=-np.inf)
@@ -195,23 +196,24 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
             continue
         logs, own = f.logs - price(f), partial(apart, f)
         sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg
-        part = _part(f, logs, f.moved_deg, own, worth, *sizes, repeats)
         # What goes with the trials' order, or dwells of a calibration show alike, is structure that
         # is left, too: an unknown effect beside a set. Where a set is far behind, dwells show what
         # the curve takes of its misfit.
         structure = [(f.trend_nats, f.trend_deg)]
         if logs.max() > worth_it:
             structure.append((f.fixture_nats, f.fixture_deg))
-        for nats, size_deg in structure:
-            if part is None or size_deg <= s.no_gap * floor_deg:
-                continue
-            beside = s.temper * (float(logs.max()) + nats) + _with_one_more(part.priced)
-            odds = 2.0 if part.named else 1.0  # it is unknown, and it is beside something
-            part = replace(part, unknown=np.append(part.unknown, beside + odds * np.log(s.unknown)))
-        if part is not None and f.trend_deg > s.no_gap * floor_deg:
-            part = replace(part, left_deg=float(np.hypot(part.left_deg, f.trend_deg)))
-        parts.append(part)
-    return [part for part in parts if part is not None]
+        for part in _parts(f, logs, f.moved_deg, own, worth, *sizes, repeats):
+            for nats, size_deg in structure:
+                if size_deg <= s.no_gap * floor_deg:
+                    continue
+                beside = s.temper * (float(logs.max()) + nats) + _with_one_more(part.priced)
+                odds = 2.0 if part.named else 1.0  # it is unknown, and it is beside something
+                beside += odds * float(np.log(s.unknown))
+                part = replace(part, unknown=np.append(part.unknown, beside))
+            if f.trend_deg > s.no_gap * floor_deg:
+                part = replace(part, left_deg=float(np.hypot(part.left_deg, f.trend_deg)))
+            parts.append(part)
+    return parts
 
 
 def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]:
@@ -232,12 +234,12 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]
         less[LIBRARY[name].slots] = np.nan
         return evidence.grid.sampled(modelled_pressure(evidence, less))
 
-    parts = []
+    parts: list[_Part] = []
     for f in drive.fits.values():
         by_name = {name: moved(f, without(f, name)) for name in f.ids}
         sizes = gap_deg, gap_deg, per_kpa_deg * f.left_kpa, floor_deg
-        parts.append(_part(f, f.evidence, by_name, partial(apart, f), worth, *sizes))
-    return [part for part in parts if part is not None]
+        parts += _parts(f, f.evidence, by_name, partial(apart, f), worth, *sizes)
+    return parts
 
 
 def evidence_of(found: Explanations, floor_deg: float) -> float:
