@@ -132,7 +132,7 @@ def test_a_leak_is_made_good_where_the_command_changes() -> None:
 def test_drive_effects_act_together() -> None:
     effects = absent()
     slow = np.repeat(jerky(), CELL)
-    for name in ("dead_time", "drive_backlash", "slew_limit", "line_lag", "leak"):
+    for name in ("dead_time", "drive_backlash", "slew_limit", "leak", "line_lag"):
         # Whole cells: a jump within a cell is a slope to the pump's limited rate.
         changes = {"delay_s": 0.14} if name == "dead_time" else {}
         effects[LIBRARY[name].slots] = vector(name, **changes)[LIBRARY[name].slots]
@@ -470,12 +470,12 @@ def soft_minimum(angle: float, ceiling: float, knee: float) -> float:
 
 SENSORS = {
     "sensor_nonlinearity": lambda y, p: naive.curve(y, *curve_of(p)),
-    "sensor_saturation": lambda y, p: np.array(
-        [soft_minimum(a, p["ceiling_deg"], p["knee_deg"]) for a in y]
-    ),
     "sensor_hysteresis": lambda y, p: naive.duhem(y, *p.values()),
     "sensor_creep": lambda y, p: y + naive.creep(y, *p.values(), FINEST_STEP_S),
     "sensor_lag": low_passed,
+    "sensor_saturation": lambda y, p: np.array(
+        [soft_minimum(a, p["ceiling_deg"], p["knee_deg"]) for a in y]
+    ),
 }
 
 

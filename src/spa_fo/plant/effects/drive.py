@@ -1,5 +1,6 @@
 """Commanded pressure -> true pressure, on the finest grid.
 
+Delay, play, limit and droop are the pump's, and so is a leak about its valves; the line comes last.
 Everything but the play of the pump has faded between two trials, so each trial starts from rest.
 """
 
@@ -52,6 +53,8 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
             SUPPLY_DROOP : SUPPLY_DROOP + 8
         ]
         droop(p, starts, fraction, recovery, slow, exponent, throttled, slower, steady, building)
+    if not math.isnan(e[LEAK]):
+        lose(p, starts, e[LEAK], e[LEAK + 1], e[LEAK + 2], e[LEAK + 3])
     if not math.isnan(e[LINE_LAG]):
         share, excess = e[LINE_LAG + 2], e[LINE_LAG + 3]
         slow, fast, latest = poles(e[LINE_LAG], e[LINE_LAG + 1], share)
@@ -60,6 +63,4 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
         low_pass(p, starts, slow, excess)
         low_pass(p, starts, fast, excess)
         p += share * (tail - p)
-    if not math.isnan(e[LEAK]):
-        lose(p, starts, e[LEAK], e[LEAK + 1], e[LEAK + 2], e[LEAK + 3])
     return p

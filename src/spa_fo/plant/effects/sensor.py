@@ -1,7 +1,7 @@
 """True angle -> what the flex channel holds, step by step.
 
-The mechanics first (curve of the mounting, saturation), then hysteresis, creep and lag of the film;
-the zero of a slipping sensor is added last.
+The curve of the mounting first, then hysteresis, creep and lag of the film; what then reaches the
+top of its range stops there. The zero of a slipping sensor is added last.
 """
 
 from __future__ import annotations
@@ -53,8 +53,6 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
     if not math.isnan(e[SENSOR_NONLINEARITY]):
         ends = SENSOR_NONLINEARITY + _ERRORS
         bend_curve(y, e[SENSOR_NONLINEARITY:ends], e[ends])
-    if not math.isnan(e[SENSOR_SATURATION]):
-        saturate(y, e[SENSOR_SATURATION], e[SENSOR_SATURATION + 1])
     if not math.isnan(e[SENSOR_HYSTERESIS]):
         k = SENSOR_HYSTERESIS
         lag_behind(y, e[k], e[k + 1], e[k + 2], film)
@@ -70,4 +68,6 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
         follow(y, level, fast, film[3:4])
         for i in range(y.size):
             y[i] += share * (tail[i] - y[i])
+    if not math.isnan(e[SENSOR_SATURATION]):
+        saturate(y, e[SENSOR_SATURATION], e[SENSOR_SATURATION + 1])
     return y
