@@ -103,6 +103,28 @@ def test_an_own_model_is_one_by_how_much_better_it_explains() -> None:
     assert with_unknown(sure, 1.5).kind == "unknown"
 
 
+@pytest.mark.parametrize(
+    ("kind", "named", "by_pressure", "by_angle"),
+    [
+        ("unknown", (), True, True),
+        ("cause", ("creep",), False, False),
+        ("no_gap", (), False, False),
+        ("cause", ("stiffening", "sensor_creep"), True, True),
+        ("cause", ("leak", "sensor_creep"), False, True),  # of which the pressure tells one
+        ("cause", ("leak", "line_lag", "sensor_creep"), False, True),
+        ("cause", ("leak", "parameter_shift"), True, True),
+        ("cause", ("parameter_shift",), False, False),
+    ],
+)
+def test_a_model_may_be_bent_where_something_makes_up_for_it(
+    kind: str, named: tuple[str, ...], by_pressure: bool, by_angle: bool
+) -> None:
+    verdict = Verdict(cast(Any, kind), (named,) if named else (), (), 0.0, 0.0, 0.0)
+    pressed = cast(Any, object())
+    assert examine._may_be_bent(verdict, pressed) is by_pressure
+    assert examine._may_be_bent(verdict, None) is by_angle
+
+
 def scored(named: tuple[str, ...], probability: float) -> Scored:
     nothing = cast(Any, None)
     return Scored(named, probability, nothing, None, None, {}, 0.0)
@@ -131,7 +153,7 @@ def test_a_model_of_another_actuator_is_no_own_one_of_nothing(
     x[0], x[2] = x[0] + 0.2, 1.6 * x[2]
     other = Model(data.campaign.name, "", TransferFunction(*x), data.campaign.reference_kpa)
     asked: list[str] = []
-    monkeypatch.setattr(examine, "_may_be_bent", lambda _: True)
+    monkeypatch.setattr(examine, "_may_be_bent", lambda *_: True)
     said = diagnose(data, other, progress=asked.append)
     assert any(step.startswith("once more, as if") for step in asked)
     assert said.kind != "no_gap"  # with its coefficients free nothing is left

@@ -161,12 +161,16 @@ def examine(
 def _may_be_bent(verdict: Verdict, drive: Drive | None) -> bool:
     """Say whether the given model may have been fitted to the gap itself, and have bent with it.
 
-    Then something beside the cause makes up for that, or nothing explains what is left. What the
-    pressure tells of the drive it tells whatever the model is.
+    Then its own coefficients, or something else beside the cause, make up for that, or nothing
+    explains what is left. What the pressure tells of the drive it tells whatever the model is.
     """
-    first = verdict.sets[0] if verdict.sets else ()
-    beside = [n for n in first if drive is None or LIBRARY[n].stage != "drive"]
-    return verdict.kind == "unknown" or len(beside) > 1
+    again = at_port("coefficients")
+
+    def makes_up(ids: Ids) -> bool:
+        others = [n for n in ids if drive is None or LIBRARY[n].stage != "drive"]
+        return len(others) > 1 or (again in ids and len(ids) > 1)
+
+    return verdict.kind == "unknown" or any(map(makes_up, verdict.sets))
 
 
 def _bent_odds(known: Explanations, own: Explanations, floor_deg: float) -> float:
