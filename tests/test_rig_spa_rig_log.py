@@ -378,3 +378,14 @@ def test_a_column_of_the_board_s_own_is_said_to_be_passed_over() -> None:
     for name, values in whole.columns.items():
         np.testing.assert_array_equal(found.columns[name], values)
     assert found.report.notes == ("columns passed over: temp_dc",)
+
+
+def test_the_tail_of_a_line_may_hold_by_chance_before_the_banner() -> None:
+    """What is lost of it has a checksum of 0, as 11 has; whole lines are another matter."""
+    row = data_line("11", "20000", "0.00", "93", "354")
+    tail = row.split(b"11", 1)[1]
+    found = parse(tail + b"\n" + log(ROWS))
+    assert counts(found.report) == {"not a number": 1}
+    assert found.t_s.size == len(ROWS)
+    with pytest.raises(BadInput, match="expected the banner"):
+        parse_spa_rig_log(b"\n".join([row, row]) + b"\n" + log(ROWS), "trial.log")

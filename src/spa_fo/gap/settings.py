@@ -70,7 +70,9 @@ class Settings:
     shift_gain: float = _number(0.12, "nat", "assumed", "the same of the static gain's logarithm")
     # --- the pressure ----------------------------------------------------------------------------
     pressure_offset_kpa: float = _number(0.4, "kPa", "assumed", "zero of a pressure sensor")
-    pressure_gain: float = _number(0.004, "1", "assumed", "gain error of a pressure sensor")
+    pressure_gain: float = _number(
+        0.004, "1", "assumed", "gain error of a pressure sensor, and prior of a regulator's scatter"
+    )
     pressure_lag_s: float = _number(0.03, "s", "assumed", "lag of a pressure sensor")
     angle_late_s: float = _number(0.006, "s", "assumed", "timing error of the log")
     # --- model discrepancy -----------------------------------------------------------------------

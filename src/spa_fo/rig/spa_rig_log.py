@@ -139,8 +139,9 @@ def _first_banner(lines: list[bytes], path: Path | str) -> tuple[int, Banner]:
                 return index, parse_banner(line)
             except ValueError as error:
                 raise BadInput(path, str(error), f"line {index + 1}") from error
-        if probe.reason(line) in ("fields", "not a number"):
-            break  # a data line whose checksum holds, before any banner
+        # A data line whose checksum holds, before any banner. The tail of one may hold by chance.
+        if index > 0 and probe.reason(line) in ("fields", "not a number"):
+            break
     raise BadInput(path, no_banner(lines[0]), "line 1")
 
 
