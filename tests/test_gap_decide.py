@@ -97,6 +97,12 @@ def test_an_unknown_cause_beside_sets_is_never_said_for_sure():
     assert said(judge([scored((), 0.0)], 1.0, 0.0))[1] > 0.95
 
 
+def test_what_has_a_name_for_sure_may_be_an_unknown_cause_once_more():
+    own, unknown = said(judge([scored(("creep",), 1.0), scored((), 0.0)], 0.0, 0.0))
+    assert own[()] == pytest.approx(SETTINGS.failed / 3.0)
+    assert unknown - own[()] == pytest.approx(SETTINGS.failed * (1.0 - 4.0 * SETTINGS.failed / 3.0))
+
+
 def test_stage_shares_weigh_by_square_and_probability():
     every = [
         scored(("leak", "creep"), 0.5, {"leak": 1.0, "creep": 3.0}),

@@ -123,7 +123,10 @@ class Settings:
     covered: float = _number(0.93, "probability", "learned", "total of the sets that are named")
     least: float = _number(0.1, "probability", "learned", "below which a set is not listed")
     failed: float = _number(
-        0.05, "probability", "learned", "all of this reasoning fails: any kind of answer, then"
+        0.05,
+        "probability",
+        "learned",
+        "all of this reasoning fails: any kind of answer, then; a name, once more: unknown",
     )
     together: float = _number(
         0.15, "probability", "learned", "what surely is unknown is the library's, as none was tried"
