@@ -129,9 +129,9 @@ def said(verdict: Verdict) -> tuple[dict[Ids, float], float]:
     """Give the probabilities as they are said, of each set and of an unknown cause.
 
     They sum to 1, and decide nothing: the most probable kind of answer stays. What leads to them
-    may be wrong as a whole, and all kinds of answer are as good then; what has a name is as often an
-    unknown cause once more; and of what nothing that was tried explains a part is due to effects of
-    the library, together or in another form.
+    may be wrong as a whole, and all kinds of answer are as good then; what has a name is as often
+    an unknown cause once more; and of what nothing that was tried explains a part is due to effects
+    of the library, together or in another form.
     """
     s = SETTINGS
     own = {one.named: one.probability for one in verdict.scored if one.probability > _LISTED}
