@@ -470,21 +470,29 @@ def test_a_law_alone_that_closes_less_than_beside_a_part_does_not() -> None:
     assert not _alone_does(Missing(), beside, False)
 
 
-def test_what_is_refuted_where_there_is_hardly_a_gap_is_none() -> None:
-    verdict, refuted = answer({("creep",): 0.8, (): 0.1}, 0.1), claims({("creep",): -3.0}, 0.2)
+def test_what_is_refuted_is_shared_by_what_else_is_probable() -> None:
+    verdict, refuted = answer({("creep",): 0.8, (): 0.05}, 0.15), claims({("creep",): -3.0}, 0.2)
     held = held_to(verdict, refuted)
     assert (held.kind, held.sets) == ("unknown", ())
-    assert held.unknown == pytest.approx(0.9)
+    assert (held.none, held.unknown) == pytest.approx((0.25, 0.75))
+    nothing = held_to(answer({("creep",): 0.8, (): 0.15}, 0.05), refuted)
+    assert (nothing.kind, nothing.none) == ("no_gap", pytest.approx(0.75))
+    sure = held_to(answer({("creep",): 1.0}, 0.0), refuted)  # of a gap, and that it is no creep
+    assert (sure.kind, sure.unknown) == ("unknown", pytest.approx(1.0))
+
+
+def test_what_is_refuted_where_there_is_hardly_a_gap_is_none() -> None:
+    verdict, refuted = answer({("creep",): 0.8, (): 0.05}, 0.15), claims({("creep",): -3.0}, 0.2)
     none = held_to(verdict, refuted, hardly=True)
     assert (none.kind, none.sets) == ("no_gap", ())
-    assert (none.none, none.unknown) == pytest.approx((0.9, 0.1))
+    assert (none.none, none.unknown) == pytest.approx((0.85, 0.15))
     drive = held_to(
-        answer({("line_lag",): 0.8, (): 0.1}, 0.1), claims({("line_lag",): -3.0}, 0.2), True
+        answer({("line_lag",): 0.8, (): 0.05}, 0.15), claims({("line_lag",): -3.0}, 0.2), True
     )
     assert drive.kind == "no_gap"
     # Slips are in the noise floor: where they are refuted nobody knows.
     slip = held_to(
-        answer({("sensor_slip",): 0.8, (): 0.1}, 0.1), claims({("sensor_slip",): -3.0}, 0.2), True
+        answer({("sensor_slip",): 0.8, (): 0.05}, 0.15), claims({("sensor_slip",): -3.0}, 0.2), True
     )
     assert slip.kind == "unknown"
     # What stands does, and what an unknown cause was probable by stays its own.

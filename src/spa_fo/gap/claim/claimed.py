@@ -197,7 +197,8 @@ def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
 def held_to(verdict: Verdict, claimed: Claim, hardly: bool = False) -> Verdict:
     """Take sets that close too little of the gap on held-out trials out of an answer.
 
-    What they were probable by goes to an unknown cause; to no gap where there is `hardly` one.
+    What they were probable by goes to an unknown cause and to no gap, as these are probable beside
+    each other; all of it to no gap where there is `hardly` one.
     """
     if not verdict.sets:
         return verdict
@@ -208,8 +209,11 @@ def held_to(verdict: Verdict, claimed: Claim, hardly: bool = False) -> Verdict:
         none = sum(s.probability for s in verdict.scored if s.named in useless and _in_gap(s.named))
         scored = [s if s.named else replace(s, probability=s.probability + none) for s in scored]
         lost -= none
+    of_none = sum(s.probability for s in scored if not s.named)
+    more = lost * of_none / max(of_none + verdict.unknown, 1e-300)
+    scored = [s if s.named else replace(s, probability=s.probability + more) for s in scored]
     scored.sort(key=lambda s: -s.probability)
-    again = judge(scored, verdict.unknown + lost, verdict.unknown_drive)
+    again = judge(scored, verdict.unknown + lost - more, verdict.unknown_drive)
     if again.kind == "no_gap":
         return again
     unknown = "unknown" in (verdict.kind, again.kind)
