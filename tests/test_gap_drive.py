@@ -9,8 +9,10 @@ from scipy.signal import lfilter
 from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import collect
-from spa_fo.gap.fit.pressure import timing_error
+from spa_fo.gap.fit.bench import rows_of
+from spa_fo.gap.fit.pressure import PressureProblem, timing_error
 from spa_fo.gap.noise.pressure_noise import pressure_noise
+from spa_fo.gap.noise.whitening import Whitening
 from spa_fo.gap.search.drive import _WINDOWS, _beyond, examine_drive
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, rare
@@ -264,6 +266,17 @@ def test_a_regulator_that_comes_to_a_pressure_with_a_gain_of_each_trial_is_no_dr
     true_kpa = np.repeat(gains, np.diff(evidence.grid.cell_starts)) * evidence.grid.command_kpa
     missed = np.mean((found.pressure_kpa - true_kpa) ** 2)
     assert missed < 0.3 * np.mean((evidence.grid.command_kpa - true_kpa) ** 2)
+
+
+@pytest.mark.parametrize(("runs", "gains"), [(1, 0), (3, 3)])
+def test_trials_have_gains_of_their_own_where_repeats_tell_their_scatter(runs, gains):
+    evidence = driven([0.0] * runs)
+    noise = pressure_noise(evidence, np.full(evidence.grid.angle_deg.size, 0.02**2))
+    rows = rows_of(evidence)
+    whitening = Whitening(rows, noise.spectrum, np.zeros(rows.size))
+    problem = PressureProblem(evidence, whitening, (), noise=noise)
+    assert problem.columns(np.zeros(1)).shape == (rows.size, gains + 3)
+    assert problem.group.tolist() == [0] * gains + [-1] * 3
 
 
 def test_a_supply_that_cycles_varies_by_more_than_a_regulator():

@@ -136,7 +136,8 @@ class PressureProblem(Explained):
     lag_known : bool
         Whether the sensor's lag is in the command already, as it is in a nominal drive.
     noise : PressureNoise, optional
-        How trials scatter; by default they do not.
+        How trials scatter. Without repeats they are taken not to: gains of trials that all differ
+        would make up for what an effect makes of their levels.
     """
 
     def __init__(
@@ -158,7 +159,7 @@ class PressureProblem(Explained):
         self.measured = self.rows.merged(evidence.grid.measured_kpa)
         trial = np.concatenate([g.trial for g in self.rows.groups])
         self.own = np.zeros((trial.size, 0))
-        if noise is not None:
+        if noise is not None and noise.repeats:
             self.own = (trial[:, None] == np.unique(trial)).astype(np.float64)
             self.strength += noise.repeats * (1.0 / SETTINGS.temper - 1.0)  # as of the angle
             self.most = most(noise.repeats) * np.maximum(scale, SETTINGS.pressure_gain)
