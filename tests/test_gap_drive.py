@@ -14,7 +14,6 @@ from spa_fo.gap.fit.pressure import PressureProblem, timing_error
 from spa_fo.gap.noise.pressure_noise import pressure_noise
 from spa_fo.gap.noise.whitening import Whitening
 from spa_fo.gap.search.drive import _WINDOWS, _beyond, examine_drive
-from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, rare
 from spa_fo.plant.memory import FINEST_STEP_S
 
@@ -246,7 +245,7 @@ def test_without_repeats_the_pressure_has_the_noise_of_its_samples():
     noise = pressure_noise(evidence, known)
     assert noise.spectrum.white == evidence.pressure_noise_kpa**2
     assert not noise.spectrum.coloured.any()
-    assert noise.gain == SETTINGS.pressure_gain
+    assert noise.gain == 0.0
 
 
 def test_a_regulator_that_comes_to_a_pressure_with_a_gain_of_each_trial_is_no_drive_effect():

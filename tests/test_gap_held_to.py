@@ -15,6 +15,7 @@ from spa_fo.gap.claim.claimed import (
     Claim,
     cause_of_too_large,
     held_to,
+    is_hardly_a_gap,
     is_too_large,
     times_expected,
     too_large_for_none,
@@ -479,6 +480,13 @@ def test_what_is_refuted_is_shared_by_what_else_is_probable() -> None:
     assert (nothing.kind, nothing.none) == ("no_gap", pytest.approx(0.75))
     sure = held_to(answer({("creep",): 1.0}, 0.0), refuted)  # of a gap, and that it is no creep
     assert (sure.kind, sure.unknown) == ("unknown", pytest.approx(1.0))
+
+
+def test_an_unknown_bench_s_floor_may_be_larger() -> None:
+    assert is_hardly_a_gap(1.05, 1.0)
+    assert not is_hardly_a_gap(1.1, 1.0)
+    assert is_hardly_a_gap(2.9, 1.0, repeated=False)
+    assert not is_hardly_a_gap(3.0, 1.0, repeated=False)
 
 
 def test_what_is_refuted_where_there_is_hardly_a_gap_is_none() -> None:

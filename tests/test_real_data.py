@@ -52,7 +52,7 @@ def test_the_regulators_lag_is_found(soft_arm: dict[str, Any]) -> None:
     """
     (finding,) = [text for text in soft_arm["findings"] if text.startswith("The measured pressure")]
     late = re.findall(
-        r"(?:time_constant_s|approach_s|delay_s|lag by|lag of its sensor by) ([\d.e-]+\d)", finding
+        r"(?:time_constant_s|delay_s|lag by|lag of its sensor by) ([\d.e-]+\d)", finding
     )
     filling = re.findall(r"filling_s ([\d.e-]+\d)", finding)
     through = (1.0 - 0.37**0.5) * (162.0 / 10.0) ** 0.5 * sum(map(float, filling))

@@ -144,3 +144,6 @@ def test_what_a_board_logs_besides_is_passed_over() -> None:
     fields = ["1", "20000", "0.0", "warm -3", "512"]
     parsed = LineParser(banner.columns).parse(format_line(fields))
     assert parsed == tuple(field.encode() for field in fields)
+    for odd in ("\xb0", "a,b", "1*2", "#"):
+        body = ",".join([*fields[:3], odd, fields[4]]).encode("latin-1")
+        assert LineParser(banner.columns).parse(body + b"*%02X" % checksum(body)) is None

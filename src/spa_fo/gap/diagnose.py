@@ -228,9 +228,7 @@ def _answered(
     examined, claimed = _examined(data, plain, excluded, rng, progress, beyond)
     repeated = beyond is None and examined.found.bench.noise.spectrum.repeats > 0
     gap_deg = _gap_deg(examined, claimed)
-    # Where nothing is repeated the floor is that of an ordinary bench, which nobody knows this for.
-    unsure = 1.0 if repeated else math.exp(SETTINGS.level_alone)
-    hardly = beyond is None and is_hardly_a_gap(gap_deg, unsure * examined.floor_deg)
+    hardly = beyond is None and is_hardly_a_gap(gap_deg, examined.floor_deg, repeated)
     verdict = held_to(examined.verdict, claimed, hardly)
     if beyond is None:
         too_large = is_too_large(examined, claimed.curves["plain"])

@@ -293,9 +293,14 @@ def too_small_for_any(verdict: Verdict, gap_deg: float, floor_deg: float) -> Ver
     return judge(scored, verdict.unknown, verdict.unknown_drive)
 
 
-def is_hardly_a_gap(gap_deg: float, floor_deg: float) -> bool:
-    """Say whether what is missed is the noise floor and no more than what counts as no gap."""
-    return gap_deg < float(np.hypot(1.0, SETTINGS.no_gap)) * floor_deg
+def is_hardly_a_gap(gap_deg: float, floor_deg: float, repeated: bool = True) -> bool:
+    """Say whether what is missed is the noise floor and no more than what counts as no gap.
+
+    Where nothing is repeated the floor is an ordinary bench's, and nobody knows how far from it
+    this one is.
+    """
+    unsure = 1.0 if repeated else math.exp(SETTINGS.level_alone)
+    return gap_deg < unsure * float(np.hypot(1.0, SETTINGS.no_gap)) * floor_deg
 
 
 def _beyond_floor(name: str) -> bool:

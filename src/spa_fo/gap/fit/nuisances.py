@@ -40,15 +40,20 @@ def most_of_trials(bench: Bench) -> Floats:
     return np.asarray(most(bench.noise.spectrum.repeats) * np.maximum(own, ordinary))
 
 
-def told_by_repeats(bench: Bench) -> float:
-    """Degrees of freedom that repeats add to what trials differ by, beside tempered rows.
+def told_whole(freedom: float) -> float:
+    """Degrees of freedom that so many add to a scatter's beside tempered rows.
 
     What an explanation misses it misses of all repeats alike: by what these differ no form is in
     doubt. So their evidence counts whole, and what the rows hold of it is tempered.
     """
+    return freedom * (1.0 / SETTINGS.temper - 1.0)
+
+
+def told_by_repeats(bench: Bench) -> float:
+    """Degrees of freedom that repeats add to what trials differ by."""
     if bench.noise.compared:
         return 0.0  # a reference has said what is to be expected
-    return bench.noise.spectrum.repeats * (1.0 / SETTINGS.temper - 1.0)
+    return told_whole(bench.noise.spectrum.repeats)
 
 
 def nuisance_scales(bench: Bench, slips: bool) -> Floats:

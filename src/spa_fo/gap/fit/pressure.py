@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from spa_fo.gap.data.evidence import Evidence, modelled_pressure
 from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.least_squares import Explained, slots_of
-from spa_fo.gap.fit.nuisances import most
+from spa_fo.gap.fit.nuisances import most, told_whole
 from spa_fo.gap.noise.pressure_noise import PressureNoise
 from spa_fo.gap.noise.whitening import Whitening
 from spa_fo.gap.settings import SETTINGS
@@ -136,8 +136,7 @@ class PressureProblem(Explained):
     lag_known : bool
         Whether the sensor's lag is in the command already, as it is in a nominal drive.
     noise : PressureNoise, optional
-        How trials scatter. Without repeats they are taken not to: gains of trials that all differ
-        would make up for what an effect makes of their levels.
+        How trials scatter, where that is known.
     """
 
     def __init__(
@@ -153,21 +152,22 @@ class PressureProblem(Explained):
         lag = _LAG_LEFT if lag_known else _LAG
         if evidence.data.campaign.log.format == "spa-rig":
             lag = _RIG_LAG
-        scale = np.array([1.0 if noise is None else noise.gain])
-        super().__init__([*slots_of(ids, evidence.reach), Slot(lag, -1)], scale)
+        super().__init__([*slots_of(ids, evidence.reach), Slot(lag, -1)], np.ones(1))
         assert evidence.grid.measured_kpa is not None
         self.measured = self.rows.merged(evidence.grid.measured_kpa)
         trial = np.concatenate([g.trial for g in self.rows.groups])
         self.own = np.zeros((trial.size, 0))
-        if noise is not None and noise.repeats:
+        if noise is not None and noise.gain > 0.0:
             self.own = (trial[:, None] == np.unique(trial)).astype(np.float64)
-            self.strength += noise.repeats * (1.0 / SETTINGS.temper - 1.0)  # as of the angle
-            self.most = most(noise.repeats) * np.maximum(scale, SETTINGS.pressure_gain)
+            self.scales = np.array([noise.gain])
+            self.strength += told_whole(noise.spectrum.repeats)
+            ordinary = np.maximum(self.scales, SETTINGS.pressure_gain)
+            self.most = most(noise.spectrum.repeats) * ordinary
         self.group = np.append(np.zeros(self.own.shape[1], dtype=np.int64), np.full(3, -1))
         # When within its interval a row is read, cells as long do not know.
         late_s = float(np.hypot(SETTINGS.angle_late_s, _UNIFORM * _interval_s(evidence)))
         sensors = np.square([SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain, late_s])
-        self.variance = np.append(np.full(self.own.shape[1], float(scale[0]) ** 2), sensors)
+        self.variance = np.append(np.full(self.own.shape[1], self.scales[0] ** 2), sensors)
 
     def cells(self, z: Floats) -> Floats:
         """Give the true pressure on the grid's cells, kPa."""

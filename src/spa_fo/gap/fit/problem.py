@@ -26,6 +26,7 @@ from spa_fo.gap.fit.nuisances import (
     most_of_trials,
     nuisance_scales,
     told_by_repeats,
+    told_whole,
 )
 from spa_fo.gap.noise.order import trend_shapes
 from spa_fo.gap.noise.whitening import Factor
@@ -98,7 +99,7 @@ class AngleProblem(Explained):
         reach = self.evidence.reach
         super().__init__(slots_of(ids, reach), nuisance_scales(bench, slips), known)
         self.strength[OF_TRIALS] += told_by_repeats(bench)
-        self.strength[DWELL] += bench.noise.fixture.told * (1.0 / SETTINGS.temper - 1.0)
+        self.strength[DWELL] += told_whole(bench.noise.fixture.told)
         if slips:
             self.strength[REST] = WEAK  # what repeats differ by at rest is the slip's
         self.most[OF_TRIALS] = most_of_trials(bench)

@@ -31,19 +31,15 @@ class PressureNoise:
     """What the measured pressure differs by between trials that were run alike."""
 
     spectrum: Spectrum  # within a trial, kPa²
-    gain: float  # from trial to trial, 1 sigma: a regulator comes to a pressure so well
-
-    @property
-    def repeats(self) -> int:
-        """Degrees of freedom behind it."""
-        return self.spectrum.repeats
+    gain: float  # from trial to trial, 1 sigma: a regulator comes to a pressure so well; 0: unknown
 
 
 def pressure_noise(evidence: Evidence, known: Floats) -> PressureNoise:
     """Estimate the noise of the measured pressure as that of the angle (`estimate`, `scatter`).
 
     A regulator comes to a pressure in each trial with a gain of its own, and wanders within it.
-    Where nothing is repeated, only noise from sample to sample is known.
+    Where nothing is repeated, only noise from sample to sample is known: gains of trials that all
+    differ would make up for what an effect makes of their levels.
     """
     grid, reach = evidence.grid, evidence.reach
     assert grid.measured_kpa is not None
@@ -63,8 +59,7 @@ def pressure_noise(evidence: Evidence, known: Floats) -> PressureNoise:
         differences.append(replace(one, nuisances=one.nuisances * _OWN))
     white = evidence.pressure_noise_kpa
     if not differences:
-        spectrum = Spectrum(white**2, np.zeros(CORRELATION_S.size))
-        return PressureNoise(spectrum, _TYPICAL.gain)
+        return PressureNoise(Spectrum(white**2, np.zeros(CORRELATION_S.size)), 0.0)
     found = estimate(differences, per_kpa * white)
     gain = scatter(differences, found, _TYPICAL).gain
     spectrum = Spectrum(found.white / per_kpa**2, found.coloured / per_kpa**2, found.repeats)
