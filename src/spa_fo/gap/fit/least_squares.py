@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -138,8 +139,13 @@ class Explained(ABC):
         """Measured less predicted, (rows,)."""
         left = self.measured - self.at_rows(z)
         if self.response is not None:
-            left[-self.response.values.size :] = self.response.left(z)
+            left[-self.response.values.size :] = self._known_left(z[: self.free])
         return left
+
+    def _known_left(self, coefficients: Floats) -> Floats:
+        """Give what coefficients leave of the response that is known, (k,)."""
+        assert self.response is not None
+        return self.once("response", coefficients, partial(self.response.left, coefficients))
 
     def slopes(self, z: Floats) -> Floats:
         """Slopes of the prediction over the searched parameters, (rows, parameters)."""

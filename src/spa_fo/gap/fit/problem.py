@@ -268,7 +268,11 @@ class AngleProblem(Explained):
         return slopes
 
     def _of_branch(self, z: Floats) -> Floats:
-        """Give what the branches that trials began on make of readings, (rows, branch).
+        """Give what the branches that trials began on make of readings, (rows, branch)."""
+        return self.once("branch", z, lambda: self._branched(z))
+
+    def _branched(self, z: Floats) -> Floats:
+        """Simulate the branches that trials began on.
 
         They are one for all trials that were come to alike. They are those of the loop alone: what
         filters it behind the loop leaves a little less of them.

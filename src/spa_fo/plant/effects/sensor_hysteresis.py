@@ -37,14 +37,13 @@ def lag_behind(y: Floats, width: float, turn: float, exponent: float, film: Floa
     film[0], film[1] = state, before
 
 
+@njit
 def half_loop(angle_deg: Floats, width: float, turn: float, exponent: float) -> Floats:
     """Give half of what the two branches differ by that a film may begin on."""
-    branches = []
-    for state in (1.0, -1.0):
-        y = angle_deg.copy()
-        lag_behind(y, width, turn, exponent, np.array([state, angle_deg[0]]))
-        branches.append(y)
-    return np.asarray(0.5 * (branches[0] - branches[1]))
+    upper, lower = angle_deg.copy(), angle_deg.copy()
+    lag_behind(upper, width, turn, exponent, np.array([1.0, angle_deg[0]]))
+    lag_behind(lower, width, turn, exponent, np.array([-1.0, angle_deg[0]]))
+    return 0.5 * (upper - lower)
 
 
 EFFECT = Effect(
