@@ -173,6 +173,31 @@ def test_a_search_in_two_parts_ends_where_a_long_one_does(lagged: Explanations) 
     assert ended.tried > rough.tried
 
 
+def shaken(data: CampaignData, deg: float) -> CampaignData:
+    """Add coloured noise, of 0.3 s."""
+    draw, trials = np.random.default_rng(2), []
+    for trial in data.trials:
+        keep = np.exp(-np.diff(trial.t_s, prepend=trial.t_s[0] - 0.01) / 0.3)
+        noise = np.zeros(trial.t_s.size)
+        for i, new in enumerate(deg * draw.standard_normal(noise.size)):
+            noise[i] = keep[i] * noise[i - 1] + np.sqrt(1.0 - keep[i] ** 2) * new
+        trials.append(replace(trial, angle_deg=trial.angle_deg + noise))
+    return replace(data, trials=tuple(trials))
+
+
+def test_lone_trials_that_are_noisier_than_expected_are_searched_at_their_noise(
+    clean: CampaignData, lagged: Explanations
+) -> None:
+    one_each = {t.experiment: t for t in clean.trials}
+    noisy = shaken(lagging(replace(clean, trials=tuple(one_each.values()))), 0.8)
+    found = explain(bench_of(noisy), OTHERS)
+    assert found.bench.level >= 2.0
+    best = max(found.fits.values(), key=lambda f: f.quick)
+    assert "sensor_lag" in best.ids
+    assert best.level == pytest.approx(found.bench.level, rel=0.5)
+    assert lagged.bench.level == 1.0
+
+
 def test_what_the_library_lacks_is_not_fitted(lagged: Explanations) -> None:
     again = ("parameter_shift",)  # but for the plain model identified again, to hold others against
     named = {name for ids in lagged.fits if ids != again for name in ids}

@@ -50,6 +50,7 @@ class Bench:
     coefficients: Coefficients  # what is known of them
     own: bool  # whether the given model was fitted to this very campaign: it has bent with it
     line: float | None = None  # frequency of an interference that the rows show, Hz
+    level: float = 1.0  # of the coloured noise beside which it is searched
 
     @property
     def starts(self) -> list[Floats]:

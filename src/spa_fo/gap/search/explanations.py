@@ -40,6 +40,7 @@ Ids = tuple[str, ...]
 
 _SINGLES, _HOSTS, _BESIDE = 8, 3, 3  # fitted alone; that get others beside them; so many others
 WORTH_WEIGHING = 60.0  # nats behind the best
+_LEVEL_OFF = 1.9  # from twice as much noise on a search begins anew
 _EQUAL, _MOST_EQUALS = 7.0, 4  # nats, of whole evidence: about one of tempered; so many are tried
 
 
@@ -101,11 +102,15 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
         fits = {(): plain} | _fits(ours, alone, plain, plain, least=_HOSTS)
         allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
         hosts = sorted(allowed, key=lambda f: -_worth(f))[:_HOSTS]
-        pairs = _beside(ours, hosts, chained, linear, plain)
-        fits |= pairs
-        top = max(pairs.values(), key=_worth, default=plain)
-        if hosts and SETTINGS.temper * (_worth(top) - _worth(hosts[0])) > further_price():
-            fits |= _three(ours, top, chained, linear, fits, plain)
+        level = _level_beside(bench, hosts)
+        if level == bench.level:
+            pairs = _beside(ours, hosts, chained, linear, plain)
+            fits |= pairs
+            top = max(pairs.values(), key=_worth, default=plain)
+            if hosts and SETTINGS.temper * (_worth(top) - _worth(hosts[0])) > further_price():
+                fits |= _three(ours, top, chained, linear, fits, plain)
+    if level != bench.level:
+        return explain(replace(bench, level=level), excluded)
     bench, fits, line = _with_line(bench, fits, excluded)
     best = max(f.quick for f in fits.values())
     near = [f for f in fits.values() if f.quick > best - WORTH_WEIGHING or not f.ids]
@@ -115,6 +120,18 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     more = each(lambda one: _equal(bench, *one, plain), _equals(fits, excluded))
     fits |= {f.ids: f for f in more if f is not None}
     return Explanations(bench, fits, line, tuple(excluded))
+
+
+def _level_beside(bench: Bench, singles: Sequence[Fitted]) -> float:
+    """Say at which level of the noise to search on: as the best fit so far leaves it.
+
+    Where nothing repeats it may be far from what was expected, and what is best beside one level
+    is not beside another.
+    """
+    if bench.level != 1.0 or not singles:
+        return bench.level
+    level = weighed(bench, singles[0]).level
+    return level if abs(np.log(level)) > np.log(_LEVEL_OFF) else bench.level
 
 
 def _equal(bench: Bench, ids: Ids, points: list[Floats], plain: Fitted) -> Fitted | None:
@@ -246,7 +263,7 @@ def _gap_known(bench: Bench) -> Bench:
         y = min((again, bench.chain.run(to_x(bench.given), absent())[0]), key=bench.missed_deg)
     bench = bench.with_gap(bench.evidence.grid.angle_deg - y, y)
     for share in (SETTINGS.search_share, *SHARES):
-        bench.whitening.factor(1.0, share)
+        bench.whitening.factor(bench.level, share)
     return bench
 
 

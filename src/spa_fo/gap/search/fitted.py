@@ -140,7 +140,7 @@ def begun(
     share: float = SETTINGS.search_share,
 ) -> Fitted:
     """Fit one explanation roughly: to tell whether it is worth more, and where to go on."""
-    factor = bench.whitening.factor(1.0, share)
+    factor = bench.whitening.factor(bench.level, share)
     fits = []
     for calibrated in variants(bench, ids):
         problem = AngleProblem(bench, ids, calibrated)
@@ -174,7 +174,7 @@ def settled(
 ) -> Fitted:
     """Go on with a rough fit to its end, with the nuisances' variances that it has found."""
     problem = problem_of(bench, rough)
-    factor = bench.whitening.factor(1.0, share)
+    factor = bench.whitening.factor(bench.level, share)
     found = problem.search(rough.z, factor, problem.spread(rough.variances), _ENOUGH, most)
     tried, rejected = rough.tried + found.tried, rough.rejected + found.rejected
     found = replace(found, tried=tried, rejected=rejected)

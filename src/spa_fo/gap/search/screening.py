@@ -88,7 +88,7 @@ class _ScoreTest:
     def __init__(self, bench: Bench, base: Fitted) -> None:
         self.bench, self.base = bench, base
         self.problem = problem = problem_of(bench, base)
-        self.factor = factor = bench.whitening.factor(1.0, SETTINGS.search_share)
+        self.factor = factor = bench.whitening.factor(bench.level, SETTINGS.search_share)
         linear = problem.linear(base.z)
         self.own = problem.white(factor, np.hstack([linear.columns, linear.slopes @ problem.root]))
         self.left = problem.white(factor, linear.left)
