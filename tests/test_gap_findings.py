@@ -56,4 +56,4 @@ def test_what_explains_little_of_the_pressure_is_not_said() -> None:
 def test_a_pressure_that_wanders_too_far_is_said() -> None:
     said, explained = drive_finding(drive(2.0, 0.0, wander=0.073), EVIDENCE, HELD)
     assert explained.startswith("The measured pressure by itself: line_lag")
-    assert said.startswith("The pressure of repeated trials wanders by 7.3 % of the command")
+    assert said.startswith("The pressure of repeated trials differs by 7.3 % of the command")

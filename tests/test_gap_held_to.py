@@ -503,6 +503,11 @@ def test_what_is_refuted_where_there_is_hardly_a_gap_is_none() -> None:
         answer({("sensor_slip",): 0.8, (): 0.05}, 0.15), claims({("sensor_slip",): -3.0}, 0.2), True
     )
     assert slip.kind == "unknown"
+    # What is refuted beside it changes nothing in that.
+    both = {("creep",): 0.3, ("sensor_slip",): 0.58, (): 0.02}
+    mixed = held_to(answer(both, 0.1), claims({named: -3.0 for named in both if named}, 0.2), True)
+    assert mixed.kind == "unknown"
+    assert mixed.none == pytest.approx(0.02 + 0.3 + 0.58 * 0.02 / 0.12)
     # What stands does, and what an unknown cause was probable by stays its own.
     stands = claims({("creep",): 0.9}, 0.05)
     assert held_to(verdict, stands, hardly=True) == verdict

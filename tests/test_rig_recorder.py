@@ -33,6 +33,7 @@ from spa_fo.rig.recorder import Outcome, record_trial
 from spa_fo.rig.recording import KILLED, RecordingFolder
 from spa_fo.rig.set_points import Pacer
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log, read_spa_rig_log
+from spa_fo.rig.wire import format_line
 from virtual_bench import serving
 
 SETUP = Setup("test rubber", 30.0, kind="synthetic")
@@ -166,6 +167,15 @@ def test_a_stream_in_any_pieces_says_the_same() -> None:
     assert heard == whole
     assert sum(isinstance(item, Row) for item in whole) == 60
     assert [item.greets for item in whole if isinstance(item, Remark)] == [True, False]
+
+
+def test_what_a_board_says_besides_is_no_number_of_a_row() -> None:
+    stream = LiveStream((*shows.COLUMNS, "state"), 1023)
+    line = format_line(["0", "20000", "0.0", "512", "300", "warm"])
+    (row,) = stream.feed(line + b"\n")
+    assert isinstance(row, Row)
+    assert set(row.fields) == set(shows.COLUMNS) - {"seq"}
+    assert (stream.rows, stream.damaged) == (1, 0)
 
 
 def test_an_endless_line_is_damage_and_takes_no_memory() -> None:

@@ -111,6 +111,8 @@ def test_the_banner_round_trip() -> None:
         (b"# spa-rigs 1 a=b", "expected '# spa-rig 1"),
         (naive_rig.BANNER.replace("flex_adc", "flex").encode(), "lacks flex_adc"),
         (naive_rig.BANNER.replace("p_adc", "p_acd").encode(), "did you mean 'p_adc'?"),
+        (naive_rig.BANNER.replace("p_adc", "p_adx").encode(), "did you mean 'p_adc'?"),
+        (naive_rig.BANNER.replace("flex_adc", "flx_adc").encode(), "did you mean 'flex_adc'?"),
         (naive_rig.BANNER.replace("p_adc", "cmd kpa").encode(), "expected key=value"),
         (naive_rig.BANNER.replace("p_adc", "p*").encode(), "unknown column 'p*'; expected one of"),
         (naive_rig.BANNER.replace("t_us,", "").encode(), "lacks t_us"),
@@ -139,8 +141,9 @@ def test_comments() -> None:
 
 
 def test_what_a_board_logs_besides_is_passed_over() -> None:
-    banner = parse_banner(naive_rig.BANNER.replace("p_adc", "temp_dc").encode())
-    assert banner.columns == ("seq", "t_us", "cmd_kpa", "temp_dc", "flex_adc")
+    for name in ("temp_adc", "t_adc", "i_adc", "angle_ref"):
+        banner = parse_banner(naive_rig.BANNER.replace("p_adc", name).encode())
+        assert banner.columns == ("seq", "t_us", "cmd_kpa", name, "flex_adc")
     fields = ["1", "20000", "0.0", "warm -3", "512"]
     parsed = LineParser(banner.columns).parse(format_line(fields))
     assert parsed == tuple(field.encode() for field in fields)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from spa_fo.rig.wire import LineParser, is_banner, is_comment
+from spa_fo.rig.wire import COLUMNS, LineParser, is_banner, is_comment
 
 _LONGEST = 4096  # bytes without a line end: no line, whatever follows
 
@@ -66,7 +66,8 @@ class LiveStream:
         texts = self._parser.parse(line)
         if texts is None:
             return Remark(line) if is_comment(line) else None
-        fields = {name: float(text) for name, text in zip(self._parser.columns, texts, strict=True)}
+        named = zip(self._parser.columns, texts, strict=True)
+        fields = {name: float(text) for name, text in named if name in COLUMNS}
         if any(fields.get(name, 0.0) > self._adc_max for name in ("p_adc", "flex_adc")):
             return None
         return Row(int(fields.pop("seq")), fields)

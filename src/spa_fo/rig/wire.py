@@ -15,7 +15,6 @@ another, 0.3 % (0.3 %). One byte changed or lost never passes, but for a lost ze
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,7 +41,6 @@ _PATTERNS = {
 }
 COLUMNS = frozenset(_PATTERNS)
 """Columns that are read; whatever a board logs beside them is passed over."""
-_MISTYPED = 0.75  # share of characters that agree: p_acd has 0.8 of p_adc, temp_dc 0.67
 _PASSED_OVER = rb'[ !"$-)+\-.-~]*'  # whatever is printed but commas, stars and hashes
 _NAME = re.compile(r"[A-Za-z_][\w.]*", re.ASCII)
 _CHECKSUM = re.compile(rb"[0-9A-F]{2}")
@@ -172,8 +170,7 @@ def _columns(text: str) -> tuple[str, ...]:
     columns = tuple(text.split(","))
     missing = sorted(COLUMNS - set(columns))
     for name in columns:
-        # What nearly has the name of a column that is missing is that column, mistyped.
-        meant = difflib.get_close_matches(name, missing, n=1, cutoff=_MISTYPED)
+        meant = [column for column in missing if _is_mistyped(name, column)]
         if name not in COLUMNS and (meant or not _NAME.fullmatch(name)):
             raise ValueError(f"unknown column '{name}'{suggestion(name, meant or COLUMNS)}")
     if len(set(columns)) < len(columns):
@@ -184,6 +181,20 @@ def _columns(text: str) -> tuple[str, ...]:
     if not {"flex_adc", "angle_deg"} & set(columns):
         raise ValueError(f"columns={text} lacks flex_adc")
     return columns
+
+
+def _is_mistyped(name: str, meant: str) -> bool:
+    """Say whether a name is that of a column with its letters swapped, or with one wrong.
+
+    A letter of its first word that is another one is another word: t_adc is no p_adc.
+    """
+    if sorted(name) == sorted(meant):
+        return True
+    if len(name) == len(meant):
+        wrong = [k for k, (one, right) in enumerate(zip(name, meant, strict=True)) if one != right]
+        return len(wrong) == 1 and wrong[0] > meant.find("_")
+    longer, shorter = sorted((name, meant), key=len, reverse=True)
+    return any(longer[:k] + longer[k + 1 :] == shorter for k in range(len(longer)))
 
 
 def _positive(key: str, text: str) -> float:

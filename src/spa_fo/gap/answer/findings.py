@@ -84,7 +84,7 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
     wanders: tuple[str, ...] = ()
     if drive is not None and not drive.is_ordinary:
         wanders = (
-            f"The pressure of repeated trials wanders by {100.0 * drive.wander:.2g} % of the "
+            f"The pressure of repeated trials differs by {100.0 * drive.wander:.2g} % of the "
             "command: more than a regulator lets it.",
         )
     if drive is None or not drive.best.ids:

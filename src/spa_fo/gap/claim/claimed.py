@@ -198,22 +198,21 @@ def held_to(verdict: Verdict, claimed: Claim, hardly: bool = False) -> Verdict:
     """Take sets that close too little of the gap on held-out trials out of an answer.
 
     What they were probable by goes to an unknown cause and to no gap, as these are probable beside
-    each other; all of it to no gap where there is `hardly` one.
+    each other; where there is `hardly` a gap all of it goes to no gap, but for slips and
+    interferences, which are in the noise floor.
     """
     if not verdict.sets:
         return verdict
     useless = {named for named in claimed.closed if not claimed.closes(named)}
     lost = sum(s.probability for s in verdict.scored if s.named in useless)
-    scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
-    if hardly:  # slips and interferences are in the noise floor
+    none = 0.0
+    if hardly:
         none = sum(s.probability for s in verdict.scored if s.named in useless and _in_gap(s.named))
-        scored = [s if s.named else replace(s, probability=s.probability + none) for s in scored]
-        lost -= none
-    of_none = sum(s.probability for s in scored if not s.named)
-    more = lost * of_none / max(of_none + verdict.unknown, 1e-300)
-    scored = [s if s.named else replace(s, probability=s.probability + more) for s in scored]
+    none += (lost - none) * verdict.none / max(verdict.none + verdict.unknown, 1e-300)
+    scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
+    scored = [s if s.named else replace(s, probability=s.probability + none) for s in scored]
     scored.sort(key=lambda s: -s.probability)
-    again = judge(scored, verdict.unknown + lost - more, verdict.unknown_drive)
+    again = judge(scored, verdict.unknown + lost - none, verdict.unknown_drive)
     if again.kind == "no_gap":
         return again
     unknown = "unknown" in (verdict.kind, again.kind)

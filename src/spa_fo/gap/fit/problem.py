@@ -275,7 +275,7 @@ class AngleProblem(Explained):
         """Simulate the branches that trials began on.
 
         They are one for all trials that were come to alike. They are those of the loop alone: what
-        filters it behind the loop leaves a little less of them.
+        filters it behind the loop leaves a little less of them, and a ceiling nothing.
         """
         grid, k = self.evidence.grid, np.searchsorted(self.trials, self.trial)
         out = np.zeros((self.rows.size, len(self._loops), int(self.after.max()) + 1))

@@ -19,7 +19,7 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, helmert, null_space, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, helmert, null_space, orth, solve_triangular
 from scipy.optimize import minimize
 
 from spa_fo.gap.data.searched import wave
@@ -251,7 +251,7 @@ def _line(differences: Sequence[Differences], spectrum: Spectrum) -> float | Non
     gain = np.zeros(_LINE_HZ.size)
     for d in differences:
         white = spectrum.whitener(d)
-        basis = np.linalg.qr(white @ d.nuisances)[0]
+        basis = orth(white @ d.nuisances)  # some may be none
         clear = white - basis @ (basis.T @ white)
         waves = clear @ np.moveaxis(wave(_LINE_HZ, d.time_s, d.width_s), 1, 0)
         gain += 0.5 * np.sum((d.values @ clear.T @ np.linalg.qr(waves)[0]) ** 2, axis=(1, 2))

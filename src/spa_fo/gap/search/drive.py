@@ -81,7 +81,7 @@ class Drive:
     given: Floats  # (5,), coefficients of the given model
     gap_kpa: float  # RMS of what the command misses of the true pressure
     gap_deg: float  # RMS of what that moves the given model's angle by
-    wander: float = 0.0  # RMS by which repeats wander, of that of the command
+    wander: float = 0.0  # RMS by which repeats differ, of that of the command
 
     @property
     def per_kpa_deg(self) -> float:
