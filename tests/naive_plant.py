@@ -169,14 +169,14 @@ class Spring:
         return self.law(0.5 * (before + after))
 
     def accept(self, before, after):
-        pass
+        return 0.0
 
 
 class Friction:
     """Four elastic stops in parallel, one after another sliding: Prandtl and Ishlinskii."""
 
-    def __init__(self, size, turn, tail):
-        self.size = size
+    def __init__(self, size, turn, tail, outside=0.0):
+        self.size, self.outside = size, outside
         self.radius = turn * (np.arange(1, 5) / 4.0) ** tail
         self.state = np.zeros(4)
 
@@ -184,10 +184,12 @@ class Friction:
         return np.clip(self.state + distance / self.radius, -1.0, 1.0)
 
     def moment(self, before, after):
-        return self.size * float(np.mean(self._moved(0.5 * (after - before))))
+        inside = (1.0 - self.outside) * self.size
+        return inside * float(np.mean(self._moved(0.5 * (after - before))))
 
     def accept(self, before, after):
         self.state = self._moved(after - before)
+        return self.outside * self.size * float(np.mean(self.state))
 
 
 class Bundle:
@@ -220,17 +222,19 @@ class Bundle:
     def accept(self, before, after):
         beyond = self._passed(after) / self.width
         self.virgin = self._softened(before, after) * np.exp(-beyond * self.step / self.dwell)
+        return 0.0
 
 
 def loop(load, step, x, law, missed=None):
     """Angle (rad) at the end of equal steps, G in a loop with a further moment.
 
     What is missed of the angle is felt by the moment and added to the angle. The fractional memory
-    is a sum over all earlier steps; the moment is iterated to its fixed point.
+    is a sum over all earlier steps; the moment is iterated to its fixed point. What a law accepts
+    may leave a part of the angle that is lost at once.
     """
     static = x[4] / x[3]
     pulse = np.diff(step_response(step * np.arange(load.size + 1), *x))
-    out, v = [0.0], np.zeros(load.size)
+    out, v, lost = [0.0], np.zeros(load.size), np.zeros(load.size)
     missed = np.concatenate([[0.0], np.zeros(load.size) if missed is None else missed])
     for i in range(load.size):
         free = float(pulse[i:0:-1] @ v[:i])
@@ -241,9 +245,9 @@ def loop(load, step, x, law, missed=None):
             before, angle = angle, free + pulse[0] * v[i]
             if abs(angle - before) < 1e-12:
                 break
-        law.accept(out[-1] + missed[i], angle + missed[i + 1])
+        lost[i] = law.accept(out[-1] + missed[i], angle + missed[i + 1])
         out.append(angle)
-    return np.array(out[1:]) + missed[1:]
+    return np.array(out[1:]) + missed[1:] - lost
 
 
 def orifice(signal, filling, ratio):

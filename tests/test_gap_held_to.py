@@ -214,17 +214,22 @@ def test_a_gap_beyond_all_that_is_expected_is_none_of_it() -> None:
 
 def test_a_gap_that_is_hardly_more_than_repeats_differ_by_is_none() -> None:
     cause = answer({("creep",): 0.6, ("leak", "creep"): 0.2, (): 0.1}, 0.1)
-    border = np.hypot(1.0, SETTINGS.no_gap) * 0.5
-    assert too_small_for_any(cause, 1.01 * border, 0.5) == cause
-    found = too_small_for_any(cause, 0.99 * border, 0.5)
-    # The pressure tells a drive.
-    assert (found.kind, found.none, found.unknown) == ("no_gap", pytest.approx(0.7), 0.1)
-    assert found.of(("leak", "creep")).probability == 0.2
-    for name in ("leak", "sensor_slip", "mains_pickup"):
+    found = too_small_for_any(cause)
+    assert (found.kind, found.none, found.unknown) == ("no_gap", pytest.approx(0.9), 0.1)
+    # What repeats differ by may be larger for it.
+    for name in ("sensor_slip", "mains_pickup"):
         stays = answer({(name,): 0.6, ("creep",): 0.1, (): 0.2}, 0.1)
-        assert too_small_for_any(stays, 0.4, 0.5).sets == ((name,),)
+        assert too_small_for_any(stays).sets == ((name,),)
     unknown = answer({("creep",): 0.2, (): 0.1}, 0.7)
-    assert too_small_for_any(unknown, 0.4, 0.5) == unknown
+    assert too_small_for_any(unknown) == unknown
+    # A model that was identified with a drive misses nothing, whatever the pressure does.
+    of_drive = replace(unknown, unknown_drive=1.0)
+    taken_up = too_small_for_any(of_drive)
+    assert (taken_up.kind, taken_up.none) == ("no_gap", pytest.approx(1.0))
+    # One that was fitted to the gap itself has bent with the drive.
+    assert too_small_for_any(of_drive, own=True) == of_drive
+    bent = too_small_for_any(answer({("leak",): 0.6, ("creep",): 0.1, (): 0.2}, 0.1), own=True)
+    assert (bent.sets, bent.none, bent.unknown) == ((("leak",),), pytest.approx(0.3), 0.1)
 
 
 def test_what_closes_a_gap_that_is_too_large_for_none_is_a_part() -> None:
@@ -483,10 +488,11 @@ def test_what_is_refuted_is_shared_by_what_else_is_probable() -> None:
 
 
 def test_an_unknown_bench_s_floor_may_be_larger() -> None:
-    assert is_hardly_a_gap(1.05, 1.0)
-    assert not is_hardly_a_gap(1.1, 1.0)
-    assert is_hardly_a_gap(2.9, 1.0, repeated=False)
-    assert not is_hardly_a_gap(3.0, 1.0, repeated=False)
+    for repeats in (0, 1, 5, 100):
+        border = np.hypot(1.0, SETTINGS.no_gap) * np.exp(level_spread(repeats))
+        assert is_hardly_a_gap(0.99 * border, 1.0, repeats)
+        assert not is_hardly_a_gap(1.01 * border, 1.0, repeats)
+        assert is_hardly_a_gap(1.1, 1.0, repeats, own=True) == (repeats == 0)
 
 
 def test_what_is_refuted_where_there_is_hardly_a_gap_is_none() -> None:

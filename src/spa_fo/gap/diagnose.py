@@ -226,9 +226,10 @@ def _answered(
     """Answer, held against the trials that took no part."""
     rng = np.random.default_rng(seed)
     examined, claimed = _examined(data, plain, excluded, rng, progress, beyond)
-    repeated = beyond is None and examined.found.bench.noise.spectrum.repeats > 0
+    repeats = examined.found.bench.noise.spectrum.repeats
     gap_deg = _gap_deg(examined, claimed)
-    hardly = beyond is None and is_hardly_a_gap(gap_deg, examined.floor_deg, repeated)
+    own = examined.found.bench.own
+    hardly = beyond is None and is_hardly_a_gap(gap_deg, examined.floor_deg, repeats, own)
     verdict = held_to(examined.verdict, claimed, hardly)
     if beyond is None:
         too_large = is_too_large(examined, claimed.curves["plain"])
@@ -239,11 +240,11 @@ def _answered(
         drive = examined.drive
         if not (examined.found.bench.noise.is_ordinary and (drive is None or drive.is_ordinary)):
             verdict = too_large_for_none(verdict)
-        if repeated and not too_large:
-            # By how much a set lets repeats differ is no floor.
-            explained = noise_floor(examined.everything, claimed.curves["explained"])
-            floor_deg = min(examined.floor_deg, explained)
-            verdict = too_small_for_any(verdict, gap_deg, floor_deg)
+        # By how much a set lets repeats differ is no floor.
+        explained = noise_floor(examined.everything, claimed.curves["explained"])
+        floor_deg = min(examined.floor_deg, explained)
+        if repeats and not too_large and is_hardly_a_gap(gap_deg, floor_deg, repeats, own):
+            verdict = too_small_for_any(verdict, own)
     else:
         verdict = alone_if_rare(verdict)
         size, expected = differs(examined.everything, claimed.curves["plain"], beyond)

@@ -269,42 +269,41 @@ def cause_of_too_large(verdict: Verdict, claimed: Claim) -> Verdict:
     return replace(again, sets=tuple(named for named in again.sets if named in stands))
 
 
-def too_small_for_any(verdict: Verdict, gap_deg: float, floor_deg: float) -> Verdict:
-    """Take sets for no gap where the plain model misses hardly more than repeats differ by.
+def too_small_for_any(verdict: Verdict, own: bool = False) -> Verdict:
+    """Take sets for no gap where there is hardly one.
 
-    A drive stands, which the pressure tells; so does what makes repeats differ: a slow
-    interference and zeros that move, which are in the floor, and a fast one, which was taken off.
-
-    Parameters
-    ----------
-    verdict : Verdict
-        The answer.
-    gap_deg, floor_deg : float
-        RMS of what the plain model misses, and of what repeats differ by.
+    What makes repeats differ stands: a slow interference and zeros that move, which are in the
+    floor, and a fast one, which was taken off. A pressure that departs from the command all the
+    same is that of the drive with which the model was identified, whatever it departs by; but of
+    a model that may have been fitted to this very campaign, its `own`, what the pressure tells
+    stands: it has taken up of that what it could.
     """
-    if verdict.kind not in ("cause", "ambiguous") or not is_hardly_a_gap(gap_deg, floor_deg):
-        return verdict
-    within = {s.named for s in verdict.scored if s.named and not any(map(_beyond_floor, s.named))}
+
+    def is_within(named: Ids) -> bool:
+        told = own and any(LIBRARY[name].stage == "drive" for name in named)
+        return bool(named) and _in_gap(named) and not told
+
+    within = {s.named for s in verdict.scored if is_within(s.named)}
     lost = sum(s.probability for s in verdict.scored if s.named in within)
     scored = [replace(s, probability=0.0) if s.named in within else s for s in verdict.scored]
+    of_drive = 0.0 if own else verdict.unknown * verdict.unknown_drive
+    if verdict.kind == "unknown" and of_drive < 0.5 * verdict.unknown:
+        return verdict
+    lost, unknown = lost + of_drive, verdict.unknown - of_drive
     scored = [s if s.named else replace(s, probability=s.probability + lost) for s in scored]
     scored.sort(key=lambda s: -s.probability)
-    return judge(scored, verdict.unknown, verdict.unknown_drive)
+    return judge(scored, unknown, verdict.unknown_drive)
 
 
-def is_hardly_a_gap(gap_deg: float, floor_deg: float, repeated: bool = True) -> bool:
+def is_hardly_a_gap(gap_deg: float, floor_deg: float, repeats: int, own: bool = False) -> bool:
     """Say whether what is missed is the noise floor and no more than what counts as no gap.
 
-    Where nothing is repeated the floor is an ordinary bench's, and nobody knows how far from it
-    this one is.
+    The floor is known as well as repeats tell; where there are none it is an ordinary bench's, and
+    nobody knows how far from it this one is. A model of this very campaign, its `own`, misses
+    little of any gap: where repeats tell the floor, what is beyond that counts.
     """
-    unsure = 1.0 if repeated else math.exp(SETTINGS.level_alone)
+    unsure = 1.0 if own and repeats else math.exp(level_spread(repeats))
     return gap_deg < unsure * float(np.hypot(1.0, SETTINGS.no_gap)) * floor_deg
-
-
-def _beyond_floor(name: str) -> bool:
-    """Whether an effect shows though the angle differs by no more than in repeats."""
-    return LIBRARY[name].stage == "drive" or not _in_gap((name,))
 
 
 def _in_gap(named: Ids) -> bool:

@@ -101,12 +101,15 @@ def move(
 
     width = math.radians(e[MULLINS_SOFTENING + 5]) / MULLINS_LEVELS if mullins else 0.0
     below = np.append(0.0, np.cumsum(virgin))
-    radii = np.ones(STOPS)
+    radii, inside, outside = np.ones(STOPS), 0.0, 0.0
     if rubbing:
+        outside = e[HYSTERESIS + 3] * math.radians(e[HYSTERESIS])
+        inside = math.radians(e[HYSTERESIS]) - outside
         radii = stop_radii(math.radians(e[HYSTERESIS + 1]), e[HYSTERESIS + 2])
     stop_angle, stop_softness = math.radians(e[CONTACT_STOP]), math.radians(e[CONTACT_STOP + 2])
-    creep_size = np.zeros(creep.size)
+    creep_size, by_angle = np.zeros(creep.size), 0.0
     if creeping:
+        by_angle = e[CREEP + 3]
         creep_size = creep_sizes(e[CREEP], e[CREEP + 1], e[CREEP + 2])
 
     out = np.empty(load.size)
@@ -159,8 +162,8 @@ def move(
                     slope += e[MULLINS_SOFTENING] * tangent
                 if rubbing:
                     part, tangent = friction(middle - angle - known, stops, radii)
-                    moment += math.radians(e[HYSTERESIS]) * part
-                    slope += math.radians(e[HYSTERESIS]) * tangent
+                    moment += inside * part
+                    slope += inside * tangent
                 v, stiffness = u - moment / static, slope / static
                 if 1.0 + (0.5 * direct[k] + leaning[k]) * stiffness < _STEEP:
                     follows = 0.0  # it gives way as it swings: no line that follows it is stable
@@ -190,7 +193,10 @@ def move(
         angle, known = new, usual[i]
         out[i] = angle + known
         if creeping:
-            out[i] = known + crept(angle, creep, creep_keep[k], creep_size, static, u)
+            towards = static * u + by_angle * (angle - static * u)
+            out[i] += crept(creep, creep_keep[k], creep_size, towards)
+        if rubbing:
+            out[i] -= outside * friction(0.0, stops, radii)[0]
     stops[STOPS] = angle
     keep_modes(linear, modes)
     return out

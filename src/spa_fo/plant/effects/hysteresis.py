@@ -1,11 +1,16 @@
-"""A loading and unloading loop that does not depend on the rate: friction in the wall."""
+"""A loading and unloading loop that does not depend on the rate: friction in the wall.
+
+Its moment acts within the dynamics, and the actuator comes to it as to a load; or what yields is
+what the angle is measured at, and the angle has the loop at once (Kuhnen 2003,
+doi:10.3166/ejc.9.407-418, puts such a stack in series with the dynamics).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Effect, amplitude, shape
+from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, shape
 from spa_fo.plant.effects.shared import Floats
 
 EFFECT = Effect(
@@ -32,6 +37,12 @@ EFFECT = Effect(
             factor=1.5,
             low=0.4,
             high=4.0,
+        ),
+        Parameter(
+            *("outside", "1", 0.5, 0.5, 0.0, 1.0),
+            starts=(0.0, 1.0),
+            means="part of the loop that the angle has at once, behind the dynamics",
+            is_addition=True,
         ),
     ),
     name="hysteresis of the actuator",

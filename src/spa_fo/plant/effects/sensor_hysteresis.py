@@ -16,7 +16,8 @@ def lag_behind(y: Floats, width: float, turn: float, exponent: float, film: Floa
     """Duhem loop: the film lags by up to width/2, turning round over `turn` degrees.
 
     What is left of the way r falls as dr/dθ = -r^exponent/turn: with 1 exponentially, with 1/2 as
-    a stack of plays of all widths does (Visintin 1994, doi:10.1007/978-3-662-11557-2).
+    a stack of plays of all widths does (Visintin 1994, doi:10.1007/978-3-662-11557-2), and near 0
+    as one does.
     """
     state, before = film[0], film[1]
     for i in range(y.size):
@@ -71,7 +72,7 @@ EFFECT = Effect(
             "shape of the way there: 1 is exponential",
             centre=0.8,
             factor=1.5,
-            low=0.3,
+            low=0.05,
             high=2.0,
         ),
     ),
