@@ -18,6 +18,7 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, absent, acts_like, log_odds
 
 GAP_DEG, FLOOR_DEG = 4.0, 0.5
+LEAST_DEG = SETTINGS.moves * FLOOR_DEG
 
 
 def scored(ids, probability, moved=None):
@@ -268,7 +269,7 @@ def test_a_member_without_which_the_others_do_as_well_is_not_named():
 
 def test_what_moves_less_than_a_part_of_the_floor_is_none():
     least = SETTINGS.moves * FLOOR_DEG
-    assert weigh._that_move({"creep": 1.01 * least, "leak": 0.99 * least}, FLOOR_DEG) == ("creep",)
+    assert weigh._that_move({"creep": 1.01 * least, "leak": 0.99 * least}, least) == ("creep",)
 
 
 def test_fraction_closed_is_the_contracts():
@@ -342,7 +343,8 @@ def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
     def weighed(alone_deg):
         apart = {(): 3.0, ("leak",): 3.0, ("creep",): alone_deg}.get
         worth = dict.fromkeys([("leak",), ("creep",)], 0.0).get
-        (one,) = weigh._parts(fit, logs, moved, apart, worth, 3.0, GAP_DEG, 0.0, FLOOR_DEG)
+        sizes = 3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG
+        (one,) = weigh._parts(fit, logs, moved, apart, worth, *sizes)
         return one
 
     helped, unknown_to_all = weighed(0.25), weighed(np.inf)
@@ -376,7 +378,7 @@ def test_where_either_of_two_does_as_well_either_is_named():
     logs, moved = np.array([0.0, -30.0, -90.0, -200.0, -300.0, -400.0]), {"creep": 3.0, "leak": 2.9}
     apart = {(): 3.0, ("leak",): 0.02, ("creep",): 0.01}.get
     worth = {("leak",): -4.0, ("creep",): -1.0}.get
-    parts = weigh._parts(fit, logs, moved, apart, worth, 3.0, GAP_DEG, 0.0, FLOOR_DEG)
+    parts = weigh._parts(fit, logs, moved, apart, worth, 3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
     assert [p.named for p in parts] == [("creep",), ("leak",)]
     behind = log_prior(("leak",)) - log_prior(("creep",)) - 3.0 * SETTINGS.temper
     assert parts[1].right - parts[0].right == pytest.approx(behind)
@@ -456,6 +458,6 @@ def test_dwells_say_nothing_beside_what_is_far_behind(behind: float, counts: boo
 
 def test_an_interference_counts_from_twice_what_another_cause_does() -> None:
     least = SETTINGS.moves * FLOOR_DEG
-    assert weigh._that_move({"creep": 1.1 * least}, FLOOR_DEG) == ("creep",)
-    assert weigh._that_move({"mains_pickup": 1.1 * least}, FLOOR_DEG) == ()
-    assert weigh._that_move({"mains_pickup": 2.1 * least}, FLOOR_DEG) == ("mains_pickup",)
+    assert weigh._that_move({"creep": 1.1 * least}, least) == ("creep",)
+    assert weigh._that_move({"mains_pickup": 1.1 * least}, least) == ()
+    assert weigh._that_move({"mains_pickup": 2.1 * least}, least) == ("mains_pickup",)

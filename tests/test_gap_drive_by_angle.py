@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import Evidence, collect
-from spa_fo.gap.decide.weigh import decide_drive
+from spa_fo.gap.decide.weigh import _weighed_drive, decide_drive
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.pressure import lagged
 from spa_fo.gap.search.drive import Drive, examine_drive, joined
@@ -74,6 +74,15 @@ def test_the_angle_says_whether_the_drive_was_late(drive_lags):
         assert known.best.ids == ()
         assert known.best.z[-1] == pytest.approx(LAG_S, abs=0.01)
         assert known.gap_deg < 0.05
+
+
+@pytest.mark.parametrize(("of_gap", "named"), [(1.1, ()), (0.4, ("line_lag",))])
+def test_a_drive_that_moves_less_than_the_floor_is_the_benchs_own(of_gap, named):
+    _, known = told_apart(campaign(True))
+    floor_deg = of_gap * known.gap_deg
+    found, _, unknown = _weighed_drive(known, campaign(True), floor_deg, floor_deg, floor_deg)
+    assert max(found, key=found.get) == named
+    assert found[named] > 0.5 > unknown
 
 
 def test_no_sensor_is_as_late_as_a_slow_line():

@@ -37,9 +37,12 @@ Ids = tuple[str, ...]
 
 _SHARES = np.array(SHARES)
 _LEAST_TOTAL = 1e-300
-# Times what another effect has to move. Learned: a hum that is no cause moved the angle by 0.52
-# noise floors at most, one that is by 0.79 at least, on nine opened rigs.
+# Times what others have to move. Learned: a hum that is no cause moved the angle by 0.52 noise
+# floors at most, one that is by 0.79 at least, on nine opened rigs.
 _OF_NOISE = 2.0
+# Floors that a drive has to move. Learned: regulators with which models were identified moved the
+# angle by 0.83 at most on an opened rig, what was put in by 1.98 at least.
+_OF_BENCH = 1.0
 _BOTH = float(np.sqrt(2.0))  # what is missed anyway and a change as large add up to this
 
 
@@ -107,16 +110,17 @@ def _parts(
     gap_deg: float,
     left_deg: float,
     floor_deg: float,
+    least_deg: float,
     repeats: bool = True,
 ) -> list[_Part]:
     """Weigh one fit by what it is named for; none where another is worth as much without it.
 
     `apart` says by how much the fit of some of its effects alone differs, deg: infinite where there
-    is none; `worth` what that is worth, nats. An effect is named where it moves the angle, and
-    where the others do not do as well without it, against `all_deg`, what all of them do. Where
-    several do, each has a part, as far behind the best as by itself.
+    is none; `worth` what that is worth, nats. An effect is named where it moves the angle, by
+    `least_deg`, and where the others do not do as well without it, against `all_deg`, what all of
+    them do. Where several do, each has a part, as far behind the best as by itself.
     """
-    s, ids, moving = SETTINGS, fit.ids, _that_move(moved, floor_deg)
+    s, ids, moving = SETTINGS, fit.ids, _that_move(moved, least_deg)
     least = max(s.needed * floor_deg, s.of_all * all_deg)
     parts = []
     every = _enough(moving, apart, worth, least, float(logs.max()) - WORTH_WEIGHING)
@@ -153,19 +157,15 @@ def _enough(
     return [named]
 
 
-def _that_move(moved: Mapping[str, float], floor_deg: float) -> Ids:
-    s = SETTINGS
-    of_all = s.of_all * max(moved.values(), default=0.0)
-    return tuple(n for n in moved if moved[n] >= max(_least_deg(n, floor_deg), of_all))
+def _that_move(moved: Mapping[str, float], least_deg: float) -> Ids:
+    of_all = SETTINGS.of_all * max(moved.values(), default=0.0)
+    return tuple(n for n in moved if moved[n] >= max(_least_deg(n, least_deg), of_all))
 
 
-def _least_deg(name: str, floor_deg: float) -> float:
-    """Say what an effect moves the angle by at least, deg.
-
-    An interference is in what repeats differ by, and many a quiet bench has some: it counts from
-    twice as much on.
-    """
-    return SETTINGS.moves * floor_deg * (_OF_NOISE if LIBRARY[name].port == "line" else 1.0)
+def _least_deg(name: str, least_deg: float) -> float:
+    """Say by how much an effect counts where most do from `least_deg` on, deg."""
+    # An interference is in what repeats differ by, and many a quiet bench has some.
+    return least_deg * (_OF_NOISE if LIBRARY[name].port == "line" else 1.0)
 
 
 def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
@@ -195,7 +195,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
             parts.append(_Part(ids, ids, -np.inf, np.array([beyond]), f, {}, 0.0, nothing))
             continue
         logs, own = f.logs - price(f), partial(apart, f)
-        sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg
+        sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg, s.moves * floor_deg
         # What goes with the trials' order, or dwells of a calibration show alike, is structure that
         # is left, too: an unknown effect beside a set. Where a set is far behind, dwells show what
         # the curve takes of its misfit.
@@ -216,7 +216,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
     return parts
 
 
-def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]:
+def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) -> list[_Part]:
     gap_deg, per_kpa_deg = drive.gap_deg, drive.per_kpa_deg
 
     def moved(one: DriveFit, kpa: Floats) -> float:
@@ -237,7 +237,7 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float) -> list[_Part]
     parts: list[_Part] = []
     for f in drive.fits.values():
         by_name = {name: moved(f, without(f, name)) for name in f.ids}
-        sizes = gap_deg, gap_deg, per_kpa_deg * f.left_kpa, floor_deg
+        sizes = gap_deg, gap_deg, per_kpa_deg * f.left_kpa, floor_deg, least
         parts += _parts(f, f.evidence, by_name, partial(apart, f), worth, *sizes)
     return parts
 
@@ -311,13 +311,11 @@ def decide(
         By how much the angle moves with what is to be expected of the pressure, where that is
         known; else the noise floor counts for the drive, too.
     """
-    least_deg = SETTINGS.moves * floor_deg
-    if drive_floor_deg is None:
-        drive_floor_deg = floor_deg
-    else:
-        least_deg = _BOTH * drive_floor_deg
+    sizes = floor_deg, _OF_BENCH * floor_deg, _OF_BENCH * floor_deg
+    if drive_floor_deg is not None:
+        sizes = drive_floor_deg, _BOTH * drive_floor_deg, SETTINGS.moves * drive_floor_deg
     angle, of_angle, unknown_angle = _normalised(_of_angle(found, floor_deg), floor_deg)
-    pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, drive_floor_deg, least_deg)
+    pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, *sizes)
     lined = _of_line(fast, floor_deg)
     certain = (1.0 - unknown_angle) * (1.0 - unknown_drive)
     # All may be beyond reckoning beside an unknown cause.
@@ -355,16 +353,17 @@ def decide_drive(
         Probabilities of what is named, nothing among it; the best fit of each; the probability
         that the cause is unknown.
     """
-    pressed, parts, unknown = _weighed_drive(drive, evidence, floor_kpa, _BOTH * floor_kpa)
+    sizes = floor_kpa, _BOTH * floor_kpa, SETTINGS.moves * floor_kpa
+    pressed, parts, unknown = _weighed_drive(drive, evidence, *sizes)
     fits = {name: part.fit for name, part in parts.items() if isinstance(part.fit, DriveFit)}
     return pressed, fits, unknown
 
 
 def _weighed_drive(
-    drive: Drive | None, evidence: Evidence, floor_deg: float, least_deg: float
+    drive: Drive | None, evidence: Evidence, floor_deg: float, least_deg: float, member_deg: float
 ) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
     """Weigh the explanations of the pressure; a gap below `least_deg` is none."""
-    parts = [] if drive is None else _of_drive(drive, evidence, floor_deg)
+    parts = [] if drive is None else _of_drive(drive, evidence, floor_deg, member_deg)
     if drive is not None and drive.gap_deg < least_deg:
         none = np.full(_SHARES.size, -np.inf)
         parts = [replace(part, unknown=none) for part in parts if not part.named]
@@ -393,7 +392,7 @@ def _of_line(fast: Line, floor_deg: float) -> dict[Ids, float]:
     """Probabilities that a fast interference is there, and that it is not."""
     rms = fast.amplitude_deg / float(np.sqrt(2.0))
     name = at_port("line")
-    if name is None or fast.gain <= 0.0 or rms < _least_deg(name, floor_deg):
+    if name is None or fast.gain <= 0.0 or rms < _least_deg(name, SETTINGS.moves * floor_deg):
         return {(): 1.0}
     nats = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
     there = float(expit(np.clip(nats, -50.0, 50.0)))
