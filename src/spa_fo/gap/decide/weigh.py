@@ -90,7 +90,7 @@ def _weighed(
     for no gap; but a gap that a set explains in part is there, and may as well be something else's.
     """
     s = SETTINGS
-    nothing = missed < s.left * floor_deg
+    nothing = missed < (s.left if ids else s.no_gap) * floor_deg
     small = nothing | (not repeats)
     penalty = np.where(small, 0.0, missed / max(missed[-1], 1e-9) / s.right_share)
     scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))

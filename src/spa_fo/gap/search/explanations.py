@@ -126,9 +126,9 @@ def _level_beside(bench: Bench, singles: Sequence[Fitted]) -> float:
     """Say at which level of the noise to search on: as the best fit so far leaves it.
 
     Where nothing repeats it may be far from what was expected, and what is best beside one level
-    is not beside another.
+    is not beside another. Beside a reference it is known.
     """
-    if bench.level != 1.0 or not singles:
+    if bench.level != 1.0 or bench.noise.compared or not singles:
         return bench.level
     level = weighed(bench, singles[0]).level
     return level if abs(np.log(level)) > np.log(_LEVEL_OFF) else bench.level
