@@ -40,7 +40,7 @@ Ids = tuple[str, ...]
 
 _SINGLES, _HOSTS, _BESIDE = 8, 3, 3  # fitted alone; that get others beside them; so many others
 WORTH_WEIGHING = 60.0  # nats behind the best
-_LEVEL_OFF = 1.9  # from twice as much noise on a search begins anew
+_LEVEL_OFF = 1.9  # from twice or half as much noise on a search begins anew. Assumed
 _EQUAL, _MOST_EQUALS = 7.0, 4  # nats, of whole evidence: about one of tempered; so many are tried
 
 
