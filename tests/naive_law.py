@@ -14,7 +14,7 @@ from spa_fo.plant.memory import STEPS_S
 
 def stepped(chain: Chain, law: Law, x: np.ndarray) -> np.ndarray:
     """Angles (deg) found step by step, each solved by trial for the load that agrees with it."""
-    step_s = STEPS_S[chain.grid.level]
+    step_s = STEPS_S[chain.grid.fading]
     added = np.zeros(step_s.size)
     bare = chain._load(absent(), np.zeros(2))
     # By linearity: the response to a unit load in each step.

@@ -123,9 +123,9 @@ def creep(signal, per_decade, typical_s, decades, step):
     return total
 
 
-def duhem(angle, width, turn, exponent):
+def duhem(angle, width, turn, exponent, begins):
     """Lag of the film; what is left of the way falls as r' = -r^n |θ'| / turn, stepped."""
-    out, state, before = [], 0.0, 0.0
+    out, state, before = [], begins, 0.0
     for value in angle:
         for part in np.full(200, (value - before) / 200.0):
             way = math.copysign(1.0, part)
@@ -133,7 +133,7 @@ def duhem(angle, width, turn, exponent):
             left = max(left - left**exponent * abs(part) / turn, 0.0)
             state = way * (1.0 - 2.0 * left) if part else state
         before = value
-        out.append(value - 0.5 * width * state)
+        out.append(value - 0.5 * width * (state - begins))
     return np.array(out)
 
 
@@ -175,21 +175,21 @@ class Spring:
 class Friction:
     """Four elastic stops in parallel, one after another sliding: Prandtl and Ishlinskii."""
 
-    def __init__(self, size, turn, tail, outside=0.0):
-        self.size, self.outside = size, outside
+    def __init__(self, size, turn, tail, outside=0.0, begins=0.0):
+        self.size, self.outside, self.begins = size, outside, begins
         self.radius = turn * (np.arange(1, 5) / 4.0) ** tail
-        self.state = np.zeros(4)
+        self.state = np.full(4, begins)
 
     def _moved(self, distance):
         return np.clip(self.state + distance / self.radius, -1.0, 1.0)
 
     def moment(self, before, after):
         inside = (1.0 - self.outside) * self.size
-        return inside * float(np.mean(self._moved(0.5 * (after - before))))
+        return inside * (float(np.mean(self._moved(0.5 * (after - before)))) - self.begins)
 
     def accept(self, before, after):
         self.state = self._moved(after - before)
-        return self.outside * self.size * float(np.mean(self.state))
+        return self.outside * self.size * (float(np.mean(self.state)) - self.begins)
 
 
 class Bundle:

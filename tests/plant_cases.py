@@ -50,7 +50,13 @@ SIZES: dict[str, dict[str, float]] = {
     "contact_stop": {"angle_deg": 40.0, "stiffness": 3.0, "softness_deg": 4.0},
     "mullins_softening": {"fraction": 0.2},
     "creep": {"per_decade": 0.06, "typical_s": 20.0, "decades": 1.2, "by_angle": 0.3},
-    "hysteresis": {"moment_deg": 4.0, "turn_deg": 20.0, "tail": 1.5, "outside": 0.3},
+    "hysteresis": {
+        "moment_deg": 4.0,
+        "turn_deg": 20.0,
+        "tail": 1.5,
+        "outside": 0.3,
+        "begins": -0.4,
+    },
     "thermal_drift": {"per_hour": 0.5, "fading_per_hour": 0.5},
     "parameter_shift": {},
     "sensor_nonlinearity": {
@@ -62,7 +68,7 @@ SIZES: dict[str, dict[str, float]] = {
     "sensor_saturation": {"ceiling_deg": 50.0, "knee_deg": 3.0},
     "sensor_lag": {"time_constant_s": 0.3, "second_pole": 0.3, "tail_share": 0.2},
     "sensor_creep": {"per_decade": 0.06, "typical_s": 6.0, "decades": 0.8},
-    "sensor_hysteresis": {"width_deg": 3.0, "turn_deg": 4.0, "exponent": 0.6},
+    "sensor_hysteresis": {"width_deg": 3.0, "turn_deg": 4.0, "exponent": 0.6, "begins": 0.3},
     "sensor_slip": {"walk_deg": 0.4, "zero_deg": -1.0},
     "channel_latency": {"delay_s": 0.13},
     "mains_pickup": {"amplitude_deg": 1.0},

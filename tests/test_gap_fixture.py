@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from numpy.typing import NDArray
 
 import naive_rig
 from spa_fo.gap.data.fixture import Fixture, fixture_of, wandering
-from spa_fo.plant.effects.library import absent
+from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.specimen import Mounting
+from spa_fo.plant.stages import felt_angle
 from spa_fo.rig import Calibration, Dwell
 from spa_fo.rig.calibration import calibrate
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log
@@ -150,3 +153,29 @@ def test_a_later_calibration_at_other_angles_errs_by_the_first_curve(
     # At the same angles the first calibration read it, too.
     same = laid_out(calibration, replace(calibration, started_s=5000.0))
     assert not same.misread_later.any()
+
+
+def test_a_loop_is_read_as_the_curve_reads_it_that_was_drawn_through_it() -> None:
+    # Only one way comes to the first angle and to the last: there the loop bends the curve.
+    effects = absent()
+    effects[LIBRARY["sensor_hysteresis"].slots] = 4.2, 2.8, 0.1, 0.0
+    known = np.concatenate([np.arange(0.0, 16.0, 3.0), np.arange(12.0, -1.0, -3.0)])
+    path = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise([0.0, *known])])
+    read = felt_angle(path, np.zeros(path.size, dtype=np.int64), effects, Mounting().film)
+    counts = 200.0 + 10.0 * read[49::50]
+    t_s = np.arange(60.0 * known.size) / 20.0
+    calibrated = calibrate(t_s, np.repeat(known, 60), np.repeat(counts, 60), "pre.log")
+    fixture = laid_out(calibrated)
+    seen, _ = fixture.simulate(effects)
+    sure = fixture.sigma_deg < 1.0
+    assert np.abs(fixture.deviation_deg[sure]).max() > 2.0
+    np.testing.assert_allclose(seen[sure], fixture.deviation_deg[sure], atol=0.35)
+
+
+def test_which_way_a_film_is_turned_after_a_calibration_nobody_knows(
+    calibration: Calibration,
+) -> None:
+    effects = absent()
+    effects[LIBRARY["sensor_hysteresis"].slots] = 4.2, 2.8, 0.5, 0.4
+    _, mounting = laid_out(calibration).simulate(effects)
+    assert mounting.film[0] == 0.0  # where the loop begins

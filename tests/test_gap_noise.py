@@ -237,6 +237,20 @@ def test_the_error_of_a_dwells_angle_is_found_beside_a_loop(
     assert np.sqrt(squares.mean()) == pytest.approx(error_deg, rel=0.2, abs=0.02)
 
 
+def test_how_a_film_came_to_the_first_dwell_is_no_error_of_its_angle() -> None:
+    known = np.concatenate([np.arange(0.0, 31.0, 5.0), np.arange(25.0, -1.0, -5.0)])
+    loop = np.where(np.arange(known.size) < 7, 2.0, -2.0)
+    t_s = np.arange(0.0, 5.0 * known.size, 0.1)
+    at = np.minimum((t_s / 5.0).astype(int), known.size - 1)
+
+    def found(first: float) -> float | None:
+        counts = 100.0 + 10.0 * (known + np.append(first, loop[1:]))
+        return dwell_error([calibrate(t_s, known[at], counts[at], "pre.log")]).deg
+
+    # No way led to the first dwell: its film may be anywhere in the loop.
+    assert found(0.0) == pytest.approx(found(2.0), rel=0.2)
+
+
 @pytest.mark.parametrize("mark_deg", [0.0, 0.3, 1.0])
 def test_a_wrong_mark_is_told_by_the_scatter_about_the_smooth_curve(mark_deg: float) -> None:
     found = [dwell_error([calibrated(0.05, 1.0, seed, mark_deg=mark_deg)]) for seed in range(12)]

@@ -287,7 +287,11 @@ LAWS = {
     ),
     "contact_stop": lambda p: naive.Spring(lambda a: stop(a, p)),
     "hysteresis": lambda p: naive.Friction(
-        math.radians(p["moment_deg"]), math.radians(p["turn_deg"]), p["tail"], p["outside"]
+        math.radians(p["moment_deg"]),
+        math.radians(p["turn_deg"]),
+        p["tail"],
+        p["outside"],
+        p["begins"],
     ),
     "mullins_softening": lambda p: naive.Bundle(
         p["fraction"],
@@ -363,16 +367,18 @@ def test_what_is_usually_missed_is_read() -> None:
 @given(
     moves=st.lists(st.floats(-1.5, 1.5), min_size=1, max_size=20),
     tail=st.floats(0.4, 4.0),
+    begins=st.floats(-1.0, 1.0),
 )
 @settings(max_examples=50, deadline=None)
-def test_friction_stops_one_after_another(moves: list[float], tail: float) -> None:
-    twin, stops, radii = naive.Friction(1.0, 0.4, tail), np.zeros(STOPS), stop_radii(0.4, tail)
+def test_friction_stops_one_after_another(moves: list[float], tail: float, begins: float) -> None:
+    twin = naive.Friction(1.0, 0.4, tail, begins=begins)
+    stops, radii = np.zeros(STOPS), stop_radii(0.4, tail)
     for move in moves:
-        found, _ = friction(move, stops, radii)
+        found, _ = friction(move, stops, radii, begins)
         assert found == pytest.approx(twin.moment(0.0, 2.0 * move), abs=1e-12)
         twin.accept(0.0, move)
-        rub(move, stops, radii)
-        np.testing.assert_allclose(stops, twin.state, atol=1e-12)
+        rub(move, stops, radii, begins)
+        np.testing.assert_allclose(stops + begins, twin.state, atol=1e-12)
 
 
 def test_moments_act_together() -> None:
@@ -625,19 +631,50 @@ def test_loops_open_and_leave_a_remnant() -> None:
     ramp = triangle()
     plain = angles(trials(ramp), absent())[0]
     for name in ("hysteresis", "sensor_hysteresis"):
-        found = angles(trials(ramp), vector(name))[0] - plain
+        found = angles(trials(ramp), vector(name, begins=0.0))[0] - plain
         assert (found[120:240] < -0.5).all(), name
         assert (found[430:490] > 0.5).all(), name
-    rubbed = angles(trials(step_release(down=6.0)), vector("hysteresis"))[0]
+    rubbed = angles(trials(step_release(down=6.0)), vector("hysteresis", begins=0.0))[0]
     assert rubbed[-1] > 0.3
 
 
 def test_friction_keeps_its_remnant_through_the_rest() -> None:
     own = trials(step_release(down=10.0), step_release())
-    first, second = angles(own, vector("hysteresis"))
+    first, second = angles(own, vector("hysteresis", begins=0.0))
     assert first[0] == 0.0
     assert second[0] == pytest.approx(first[-1], abs=0.2)
     assert second[0] > 0.5
+
+
+@pytest.mark.parametrize("rest_s", [2.0, 40.0])
+def test_linear_memory_has_faded_after_any_rest(rest_s: float) -> None:
+    command = step_release()[:300]  # still on its way back as the log ends
+    first, second = trials(command, command)
+    second = replace(second, started_s=first.started_s + command.size / 50.0 + rest_s)
+    fresh, after = angles((first, second), absent())
+    assert abs(fresh[-1]) > 1.0
+    np.testing.assert_allclose(after, fresh, atol=0.02)
+
+
+def test_a_log_that_was_cut_in_two_goes_on() -> None:
+    command = step_release()
+    first, second = trials(command[:300], command[300:])
+    second = replace(second, started_s=first.started_s + 300 / 50.0)
+    whole = np.concatenate(angles((first, second), absent()))
+    np.testing.assert_allclose(whole, angles(trials(command), absent())[0], atol=0.15)
+
+
+@pytest.mark.parametrize(("begins", "least", "most"), [(-1.0, -4.1, 0.1), (1.0, -0.1, 4.1)])
+def test_a_loop_reads_nothing_where_it_begins(begins: float, least: float, most: float) -> None:
+    outside = {"moment_deg": 2.0, "turn_deg": 2.0, "outside": 1.0, "begins": begins}
+    sensor = {"width_deg": 4.0, "turn_deg": 2.0, "begins": begins}
+    plain = angles(trials(triangle()), absent())[0]
+    for name, own in (("hysteresis", outside), ("sensor_hysteresis", sensor)):
+        loop = angles(trials(triangle()), vector(name, **own))[0] - plain
+        assert loop[0] == pytest.approx(0.0, abs=0.01), name
+        assert loop.min() > least, name
+        assert loop.max() < most, name
+        assert np.ptp(loop) > 3.5, name
 
 
 def test_drift_grows_with_campaign_time() -> None:

@@ -180,7 +180,7 @@ class Chain:
         nothing, time_s = np.zeros(level.size), np.full(level.size, self.grid.middle_s[0])
         state = memory.modes, memory.creep, memory.stops, memory.virgin
         contour = c.nodes, c.angles, c.weights, c.keep, c.gain, c.tilt
-        move(nothing, nothing, nothing, level, time_s, x, effects, *contour, *state)
+        move(nothing, nothing, nothing, level, level, time_s, x, effects, *contour, *state)
 
     def _pushed(
         self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
@@ -212,6 +212,7 @@ class Chain:
             rises(load, level) if rise is None else rise,
             np.radians(usual),
             level,
+            self.grid.fading[steps],
             self.grid.middle_s[steps],
             x,
             effects,

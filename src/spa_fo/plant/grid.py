@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.plant.grid_steps import rest_levels, step_levels
 from spa_fo.plant.lost_rows import command_times
-from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S, read_rows
+from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S, read_rows
 from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _LONGEST = 3  # level of the longest step within a trial: 0.16 s
+_REST_S = 1.0  # what is shorter between two trials is no rest. Assumed
 _NEARLY_OVER = 1e-6  # of a cell: what rounding makes of a row at its end
 
 
@@ -78,6 +79,17 @@ class CampaignGrid:
     angle_deg: Floats
     counts: Floats
     measured_kpa: Floats | None
+
+    @cached_property
+    def fading(self) -> Integers:
+        """Step lengths, as levels, of the fractional memory: in a rest it has time to fade.
+
+        Campaigns promise as much of their rests, and do not always say their true length. What is
+        shorter than `_REST_S` is a log that was cut in two.
+        """
+        trial = np.searchsorted(self.step_starts[1:], np.arange(self.level.size), side="right")
+        rest_s = np.bincount(trial, np.where(self.cells > 0, 0.0, STEPS_S[self.level]))
+        return np.where((self.cells > 0) | (rest_s[trial] < _REST_S), self.level, LEVELS - 1)
 
     @property
     def orders(self) -> Integers:

@@ -93,7 +93,7 @@ class LawfulChain(Chain):
         over, values = (law.knots, law.values) if law.place == "relaxation" else law.table()
         angle = follow(
             load,
-            self.grid.level,
+            self.grid.fading,
             x,
             c.nodes,
             c.angles,
@@ -123,7 +123,7 @@ class LawfulChain(Chain):
         past: Past | None,
     ) -> tuple[Floats, Memory, Past] | None:
         """Solve a window of steps for angles that agree with the law; None where none is met."""
-        step_s = np.asarray(STEPS_S[self.grid.level[window]], dtype=np.float64)
+        step_s = np.asarray(STEPS_S[self.grid.fading[window]], dtype=np.float64)
         added, angle, first = np.zeros(step_s.size), np.full(step_s.size, np.inf), np.inf
         for turn in range(_ROUNDS):
             held = added / self.reference_kpa

@@ -88,6 +88,14 @@ class Fixture:
         return -self.curve.misread_deg(angle_deg)
 
     @cached_property
+    def _smooth(self) -> Floats:
+        """Weights of the first calibration's known angles at each of them, by its curve."""
+        of_known = self.curve.of_known
+        if of_known.shape[0] != of_known.shape[1]:  # some were pooled
+            return np.eye(of_known.shape[1])
+        return of_known if self.curve.angles_deg[0] < self.curve.angles_deg[-1] else of_known[::-1]
+
+    @cached_property
     def of_known(self) -> Floats:
         """Weights of the mean over the first calibration's dwells, (known angles, dwells)."""
         return self._mean_at(0, np.unique(self.known_deg[self.log == 0]))
@@ -138,8 +146,8 @@ class Fixture:
         film = Mounting().film
         read, films = [], []
         for angle, level in self.paths:
-            film[0] = 0.0  # nobody knows which way the film was left turned
             read.append(felt_angle(angle, level, own, film))
+            film[0] = 0.0  # which way the film is turned until it is used again nobody knows
             films.append(film.copy())
         total = cumulative_trapezoid(np.concatenate([read[0][:1], *read]), initial=0)
         delays = log_delays(effects)
@@ -151,7 +159,9 @@ class Fixture:
         known, rows = np.unique(self.known_deg[self.log == 0], return_index=True)
         # Each row less itself centred is the settled mean at its angle: what the curve took up.
         bias = (raw - self.average @ raw)[self.log == 0][rows]
-        mounting = Mounting(films[0], known, bias)
+        taken = self._smooth @ bias
+        # The curve is as smooth as dwells speak for, and takes up no more of them than that.
+        mounting = Mounting(films[0], np.maximum.accumulate(known + bias - taken), taken)
         return self.average @ (mounting.logged_deg(mean) - self.known_deg), mounting
 
 

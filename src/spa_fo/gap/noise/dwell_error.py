@@ -77,7 +77,7 @@ def _ways(calibration: Calibration, first: Calibration) -> list[dict[float, floa
     return [
         {
             d.angle_deg: float(first.angle_deg(d.mean)) - d.angle_deg
-            for d in calibration.dwells
+            for d in calibration.dwells[1:]  # how the film came to the first nobody knows
             if d.direction == direction
         }
         for direction in ("up", "down")

@@ -44,6 +44,7 @@ def move(
     rise: Floats,
     usual: Floats,
     level: Integers,
+    fading: Integers,
     time_s: Floats,
     x: Floats,
     e: Floats,
@@ -68,8 +69,8 @@ def move(
         By how much it rises within each.
     usual : (n,) array
         What is known to be missed of the angle at the end of each step, rad; effects feel it, too.
-    level : (n,) array
-        Step lengths, as indices into `STEPS_S`.
+    level, fading : (n,) arrays
+        Step lengths, as indices into `STEPS_S`; as long the fractional memory takes them for.
     time_s : (n,) array
         Campaign time at each step's middle.
     x : (5,) array
@@ -101,8 +102,9 @@ def move(
 
     width = math.radians(e[MULLINS_SOFTENING + 5]) / MULLINS_LEVELS if mullins else 0.0
     below = np.append(0.0, np.cumsum(virgin))
-    radii, inside, outside = np.ones(STOPS), 0.0, 0.0
+    radii, inside, outside, begins = np.ones(STOPS), 0.0, 0.0, 0.0
     if rubbing:
+        begins = e[HYSTERESIS + 4]
         outside = e[HYSTERESIS + 3] * math.radians(e[HYSTERESIS])
         inside = math.radians(e[HYSTERESIS]) - outside
         radii = stop_radii(math.radians(e[HYSTERESIS + 1]), e[HYSTERESIS + 2])
@@ -115,7 +117,7 @@ def move(
     out = np.empty(load.size)
     angle, known, lost, before = stops[STOPS], 0.0, 0.0, 0.0
     for i in range(load.size):
-        k = level[i]
+        k = fading[i]
         u, rising = load[i], rise[i]
         if drifting:
             drifted = drifted_gain(time_s[i] / 3600.0, e[THERMAL_DRIFT], e[THERMAL_DRIFT + 1])
@@ -161,7 +163,7 @@ def move(
                     moment += e[MULLINS_SOFTENING] * part
                     slope += e[MULLINS_SOFTENING] * tangent
                 if rubbing:
-                    part, tangent = friction(middle - angle - known, stops, radii)
+                    part, tangent = friction(middle - angle - known, stops, radii, begins)
                     moment += inside * part
                     slope += inside * tangent
                 v, stiffness = u - moment / static, slope / static
@@ -178,12 +180,12 @@ def move(
         push(linear, k, v, going)
         new = free + direct[k] * v + leaning[k] * going
         if rubbing:
-            rub(new - angle + usual[i] - known, stops, radii)
+            rub(new - angle + usual[i] - known, stops, radii, begins)
         if mullins:
             soften(
                 angle + known,
                 new + usual[i],
-                STEPS_S[k],
+                STEPS_S[level[i]],
                 virgin,
                 below,
                 width,
@@ -194,9 +196,9 @@ def move(
         out[i] = angle + known
         if creeping:
             towards = static * u + by_angle * (angle - static * u)
-            out[i] += crept(creep, creep_keep[k], creep_size, towards)
+            out[i] += crept(creep, creep_keep[level[i]], creep_size, towards)
         if rubbing:
-            out[i] -= outside * friction(0.0, stops, radii)[0]
+            out[i] -= outside * friction(0.0, stops, radii, begins)[0]
     stops[STOPS] = angle
     keep_modes(linear, modes)
     return out

@@ -44,6 +44,12 @@ EFFECT = Effect(
             means="part of the loop that the angle has at once, behind the dynamics",
             is_addition=True,
         ),
+        Parameter(
+            *("begins", "1", 0.0, 0.6, -1.0, 1.0),
+            starts=(0.0,),
+            means="where in the loop its angle is 0, and a specimen without a past: -1 to 1",
+            is_addition=True,
+        ),
     ),
     name="hysteresis of the actuator",
     means="loading and unloading take different paths, and an angle remains after release",
@@ -64,11 +70,14 @@ def stop_radii(turn: float, tail: float) -> Floats:
 
 
 @njit
-def friction(moved: float, stops: Floats, radii: Floats) -> tuple[float, float]:
-    """Mean stop of a Prandtl-Ishlinskii stack after moving further, -1 to 1; and its slope."""
+def friction(moved: float, stops: Floats, radii: Floats, begins: float) -> tuple[float, float]:
+    """Mean stop of a Prandtl-Ishlinskii stack after moving further; and its slope.
+
+    All stops are counted from where they begin, -1 to 1.
+    """
     total, slope = 0.0, 0.0
     for j in range(STOPS):
-        state = stops[j] + moved / radii[j]
+        state = stops[j] + begins + moved / radii[j]
         if state > 1.0:
             state = 1.0
         elif state < -1.0:
@@ -76,11 +85,11 @@ def friction(moved: float, stops: Floats, radii: Floats) -> tuple[float, float]:
         else:
             slope += 1.0 / radii[j]
         total += state
-    return total / STOPS, slope / STOPS
+    return total / STOPS - begins, slope / STOPS
 
 
 @njit
-def rub(moved: float, stops: Floats, radii: Floats) -> None:
+def rub(moved: float, stops: Floats, radii: Floats, begins: float) -> None:
     """Move the stops on, in place."""
     for j in range(STOPS):
-        stops[j] = min(max(stops[j] + moved / radii[j], -1.0), 1.0)
+        stops[j] = min(max(stops[j] + begins + moved / radii[j], -1.0), 1.0) - begins

@@ -12,19 +12,21 @@ from spa_fo.plant.effects.shared import Floats
 
 
 @njit
-def lag_behind(y: Floats, width: float, turn: float, exponent: float, film: Floats) -> None:
+def lag_behind(
+    y: Floats, width: float, turn: float, exponent: float, begins: float, film: Floats
+) -> None:
     """Duhem loop: the film lags by up to width/2, turning round over `turn` degrees.
 
     What is left of the way r falls as dr/dθ = -r^exponent/turn: with 1 exponentially, with 1/2 as
     a stack of plays of all widths does (Visintin 1994, doi:10.1007/978-3-662-11557-2), and near 0
-    as one does.
+    as one does. Its state is counted from where it begins, and what it reads there is 0.
     """
-    state, before = film[0], film[1]
+    state, before = film[0] + begins, film[1]
     for i in range(y.size):
         moved = y[i] - before
         before = y[i]
         if moved == 0.0:  # most of a fixture's steps: two powers would leave it where it is
-            y[i] -= 0.5 * width * state
+            y[i] -= 0.5 * width * (state - begins)
             continue
         target = 1.0 if moved > 0.0 else -1.0
         left = 0.5 * abs(target - state)
@@ -34,16 +36,19 @@ def lag_behind(y: Floats, width: float, turn: float, exponent: float, film: Floa
             power = left ** (1.0 - exponent) - (1.0 - exponent) * abs(moved) / turn
             left = power ** (1.0 / (1.0 - exponent)) if power > 0.0 else 0.0
         state = target * (1.0 - 2.0 * left)
-        y[i] -= 0.5 * width * state
-    film[0], film[1] = state, before
+        y[i] -= 0.5 * width * (state - begins)
+    film[0], film[1] = state - begins, before
 
 
 @njit
-def half_loop(angle_deg: Floats, width: float, turn: float, exponent: float) -> Floats:
+def half_loop(
+    angle_deg: Floats, width: float, turn: float, exponent: float, begins: float
+) -> Floats:
     """Give half of what the two branches differ by that a film may begin on."""
     upper, lower = angle_deg.copy(), angle_deg.copy()
-    lag_behind(upper, width, turn, exponent, np.array([1.0, angle_deg[0]]))
-    lag_behind(lower, width, turn, exponent, np.array([-1.0, angle_deg[0]]))
+    shape = width, turn, exponent, begins
+    lag_behind(upper, *shape, np.array([1.0 - begins, angle_deg[0]]))
+    lag_behind(lower, *shape, np.array([-1.0 - begins, angle_deg[0]]))
     return 0.5 * (upper - lower)
 
 
@@ -74,6 +79,12 @@ EFFECT = Effect(
             factor=2.2,
             low=0.05,
             high=2.0,
+        ),
+        Parameter(
+            *("begins", "1", 0.0, 0.6, -1.0, 1.0),
+            starts=(0.0,),
+            means="where in the loop its reading is 0, and a film without a past: -1 to 1",
+            is_addition=True,
         ),
     ),
     name="hysteresis of the sensor",
