@@ -10,7 +10,9 @@ from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.bench import rows_of
+from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.pressure import PressureProblem, timing_error
+from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import pressure_noise
 from spa_fo.gap.noise.whitening import Whitening
 from spa_fo.gap.search.drive import _WINDOWS, _beyond, examine_drive
@@ -276,6 +278,25 @@ def test_trials_have_gains_of_their_own_where_repeats_tell_their_scatter(runs, g
     problem = PressureProblem(evidence, whitening, (), noise=noise)
     assert problem.columns(np.zeros(1)).shape == (rows.size, gains + 3)
     assert problem.group.tolist() == [0] * gains + [-1] * 3
+
+
+def test_starts_differ_by_more_than_a_delay():
+    evidence = driven([0.0])
+    rows = rows_of(evidence)
+    whitening = Whitening(rows, Spectrum(0.1, np.zeros(CORRELATION_S.size)), np.zeros(rows.size))
+    problem = PressureProblem(evidence, whitening, ("drive_backlash",))
+    points = starts(problem, np.zeros(0), (0.01, 0.02, 0.5))
+    factor = whitening.factor(1.0, 0.05)
+    first = problem.first_of(points, factor, 4)
+    named = [slot.parameter.name for slot in problem.slots]
+    # Each way to keep the play and to vent it, with the delay that does best.
+    kept, vented = (np.array([z[named.index(n)] for z in first]) for n in ("kept", "vented"))
+    assert len({*zip(kept.tolist(), vented.tolist(), strict=True)}) == 4
+    for z in first:
+        same = [o for o in points if np.array_equal(np.delete(o, 3), np.delete(z, 3))]
+        assert problem.misfit(z, factor) == min(problem.misfit(o, factor) for o in same)
+    assert len(problem.first_of(points, factor, 6)) == 6
+    assert len(problem.first_of(points[:2], factor, 4)) == 2
 
 
 def test_a_supply_that_cycles_varies_by_more_than_a_regulator():

@@ -17,7 +17,7 @@ from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.nuisances import most, told_whole
 from spa_fo.gap.noise.pressure_noise import PressureNoise
-from spa_fo.gap.noise.whitening import Whitening
+from spa_fo.gap.noise.whitening import Factor, Whitening
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import Parameter
 from spa_fo.plant.effects.shared import low_pass
@@ -168,6 +168,16 @@ class PressureProblem(Explained):
         late_s = float(np.hypot(SETTINGS.angle_late_s, _UNIFORM * _interval_s(evidence)))
         sensors = np.square([SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain, late_s])
         self.variance = np.append(np.full(self.own.shape[1], self.scales[0] ** 2), sensors)
+
+    def first_of(self, points: Sequence[Floats], factor: Factor, most: int) -> list[Floats]:
+        """Choose the best starts, first those that differ by more than a delay from better ones."""
+        if len(points) <= most:
+            return list(points)
+        ranked = sorted(points, key=lambda z: self.misfit(z, factor))
+        delays = [place for place, slot in enumerate(self.slots) if slot.parameter.is_delay]
+        kinds = [tuple(np.delete(z, delays)) for z in ranked]
+        order = sorted(range(len(ranked)), key=lambda place: kinds.index(kinds[place]) != place)
+        return [ranked[place] for place in order[:most]]
 
     def cells(self, z: Floats) -> Floats:
         """Give the true pressure on the grid's cells, kPa."""

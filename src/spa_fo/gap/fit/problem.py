@@ -152,7 +152,7 @@ class AngleProblem(Explained):
             len(evidence.grid.trials) if slips else 0,
             3 * self.trials.size,
             2 * self.trials.size if self.line else 0,
-            6 if self.trend else 0,
+            (3 if slips else 6) if self.trend else 0,
         ]
         self.size = sum(sizes)
         parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
@@ -175,7 +175,9 @@ class AngleProblem(Explained):
             spread = [evidence.curve_share * e.at(evidence.reach).spread for e in errors]
             self.variance[self.curve] += np.square(spread)
         if self.trend:
-            self.variance[self.trends[:4]] = np.square(3.0 * bench.scales[[GAIN, GAIN, REST, REST]])
+            known = np.repeat([GAIN, REST], 3)[: self.trends.size]
+            self.variance[self.trends] = np.square(3.0 * bench.scales[known])
+            self.variance[self.trends[2::3]] = 1.0
         self.variance[self.late] = SETTINGS.angle_late_s**2
         # Both ways through a calibration, and a later one, share it: nothing there tells of it.
         self.variance[self.marks] = bench.noise.fixture.mark_deg**2
@@ -214,12 +216,15 @@ class AngleProblem(Explained):
         return out
 
     def _of_order(self, trial: Integers, gain: Floats) -> Floats:
-        """Give what goes with the trials' order, (rows, 6), over what a trial's gain makes."""
+        """Give what goes with the trials' order, over what a trial's gain makes: gain, rest angle.
+
+        Of a sensor that slips the rest angle does by itself.
+        """
         shapes, noise = trend_shapes(len(self.evidence.grid.trials))[trial], self.bench.noise
         # Beside them what repeats let expect, about as large as they say.
         gains, zeros = noise.expected(trial)
-        own = [gain[:, None] * shapes, shapes, gain[:, None] * gains[:, None], zeros[:, None]]
-        return np.hstack(own)
+        own = [gain[:, None] * shapes, gain[:, None] * gains[:, None], shapes, zeros[:, None]]
+        return np.hstack(own)[:, : self.trends.size]
 
     def _of_calibrations(self) -> Floats:
         """Lay out all columns at the rows of the fixture and of later calibrations."""

@@ -285,9 +285,10 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
     Within `rooms_kpa` the sensor may differ from a fit that is believed.
     """
     factor = problem.whitening.factor(1.0, SETTINGS.search_share)
-    if len(points) > _BEST_STARTS:
-        points = sorted(points, key=lambda z: problem.misfit(z, factor))[:_BEST_STARTS]
-    searched = [problem.search(z, factor, problem.variance, _ENOUGH, _MOST_TRIED) for z in points]
+    searched = [
+        problem.search(z, factor, problem.variance, _ENOUGH, _MOST_TRIED)
+        for z in problem.first_of(points, factor, _BEST_STARTS)
+    ]
     z = min(searched, key=lambda each: each.at.value).z
     linear = problem.linear(z)
     weighed = [
