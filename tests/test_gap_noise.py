@@ -301,9 +301,9 @@ def test_one_way_scatters_about_its_smooth_curve_by_the_error(
 def test_few_angles_move_the_error_from_what_is_usual_by_as_much_as_they_say() -> None:
     def few(error_deg: float, seed: int) -> SimpleNamespace:
         found = calibrated(error_deg, 0.0, seed)
-        kept = [d for d in found.dwells if d.angle_deg in (0.0, 45.0, 85.0)]
+        kept = [d for d in found.dwells if d.angle_deg in (0.0, 20.0, 45.0, 85.0)]
         return SimpleNamespace(
-            dwells=kept, angle_deg=lambda counts: (counts - 100.0) / 10.0, of_known=np.eye(3)
+            dwells=kept, angle_deg=lambda counts: (counts - 100.0) / 10.0, of_known=np.eye(4)
         )
 
     usual = SETTINGS.dwell_error_deg

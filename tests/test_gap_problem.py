@@ -149,7 +149,7 @@ def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(
     evidence: Evidence, others: tuple[str, ...]
 ) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_lag", *others))
-    loop = {"width_deg": 0.0, "turn_deg": 3.0, "exponent": 0.8}  # none
+    loop = {"width_deg": 0.0, "turn_deg": 3.0, "exponent": 0.8, "begins": 0.0}  # none
     z = point(problem, time_constant_s=0.4, second_pole=0.2, tail_share=0.0, **loop)
     n, rows = problem.rows.size, problem.further[0]
     column = problem.columns(z)[:, problem.arrived]
@@ -172,7 +172,7 @@ def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(
 
 def test_a_trial_may_begin_on_either_branch_of_a_loop(evidence: Evidence) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
-    z, n = point(problem, width_deg=4.0, turn_deg=3.0, exponent=1.0), problem.rows.size
+    z, n = point(problem, width_deg=4.0, turn_deg=3.0, exponent=1.0, begins=0.0), problem.rows.size
     columns = problem.columns(z)[:, problem.branch]
     assert not columns[n:].any()
     # One of the first trial, one of those that were come to alike.
@@ -200,7 +200,10 @@ def test_a_log_that_ends_under_pressure_does_not_show_how_it_was_vented() -> Non
 
 def test_a_loop_is_weighed_with_the_branches_that_trials_began_on(evidence: Evidence) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
-    z, b = point(problem, width_deg=4.0, turn_deg=3.0, exponent=0.8), np.zeros(problem.size)
+    z, b = (
+        point(problem, width_deg=4.0, turn_deg=3.0, exponent=0.8, begins=0.0),
+        np.zeros(problem.size),
+    )
     b[problem.branch] = [0.7, -1.5]
     step = 1e-4 * np.eye(z.size)[problem.free :]
 
@@ -222,7 +225,7 @@ def test_what_goes_with_the_trials_order_has_columns_of_gain_and_rest(evidence: 
     z, n = problem.bench.centre, problem.rows.size
     columns = problem.columns(z)
     of_gain = columns[np.arange(n), problem.own[np.searchsorted(problem.trials, problem.trial), 0]]
-    late, early, at_rest, soon, fallen, moved = columns[:n, problem.trends].T
+    late, early, fallen, at_rest, soon, moved = columns[:n, problem.trends].T
     np.testing.assert_allclose(fallen, gains[problem.trial] * of_gain)
     np.testing.assert_allclose(moved, zeros[problem.trial])
     np.testing.assert_allclose(late, at_rest * of_gain)
@@ -233,8 +236,21 @@ def test_what_goes_with_the_trials_order_has_columns_of_gain_and_rest(evidence: 
     assert np.ptp(at_rest) > 0.5
     # Their sizes: three times the bench's scatter, and as large as repeats say.
     scale = bench.scales
-    expected = np.square([*[3.0 * scale[0]] * 2, *[3.0 * scale[1]] * 2, 1.0, 1.0])
+    expected = np.square([*[3.0 * scale[0]] * 2, 1.0, *[3.0 * scale[1]] * 2, 1.0])
     np.testing.assert_allclose(problem.variance[problem.trends], expected)
+
+
+def test_a_rest_angle_that_goes_with_the_order_is_a_slipping_sensors_own(
+    evidence: Evidence,
+) -> None:
+    bench = bench_of(evidence)
+    every = AngleProblem(bench, (), trend=True)
+    slipping = AngleProblem(bench, ("sensor_slip",), trend=True)
+    assert (every.trends.size, slipping.trends.size) == (6, 3)
+    own = [each.columns(bench.centre)[:, each.trends[:3]] for each in (every, slipping)]
+    np.testing.assert_array_equal(*own)
+    gain = np.square(3.0 * bench.scales[[0, 0]])
+    np.testing.assert_array_equal(slipping.variance[slipping.trends], [*gain, 1.0])
 
 
 def looped(loop_deg: float, ways: int = 2) -> Calibration:
