@@ -159,6 +159,15 @@ def basis() -> Basis:
     return motion_basis("moment", rng.uniform(-3.0, 60.0, 400), rng.uniform(0.5, 1.0, 400))
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_what_rounding_visits_is_no_side_of_a_law(side: float) -> None:
+    over = side * np.linspace(0.0, 11.0, 215)
+    over[:5] = -side * 5e-12
+    basis = motion_basis("damping", over, np.ones(over.size))
+    assert (side * basis.knots >= 0.0).all()
+    assert np.isfinite(basis.shape).all()
+
+
 def test_a_law_has_no_straight_part(basis: Basis) -> None:
     rng = np.random.default_rng(2)
     over, weight = rng.uniform(-3.0, 60.0, 400), rng.uniform(0.5, 1.0, 400)

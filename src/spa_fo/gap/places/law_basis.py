@@ -27,6 +27,7 @@ _OF_EITHER_SIGN = ("filling", "damping")
 _TIMES = 6
 _QUICKEST_S = 0.3  # relaxation time: what is quicker looks like damping
 _EDGE = 0.5  # per cent of the steps on either side that say nothing of the range
+_ROUNDING = 1e-6  # of what was visited
 _FINE = 60  # points that a curve is drawn with
 
 
@@ -82,6 +83,8 @@ def motion_basis(place: str, over: Floats, weight: Floats, straight: bool = Fals
     """
     low, high = np.percentile(over, [_EDGE, 100.0 - _EDGE])
     low, high = min(float(low), 0.0), max(float(high), 0.0)
+    # Beside the other side of it what only rounding visited is none.
+    low, high = (end if abs(end) > _ROUNDING * (high - low) else 0.0 for end in (low, high))
     if place in _OF_EITHER_SIGN:
         # Closer about 0, where friction and valves bend.
         share = np.linspace(-1.0, 1.0, _SIGNED_KNOTS)
