@@ -1,7 +1,8 @@
 """A campaign on the simulator's grid: steps, cells of the input, and the samples that fall in them.
 
 Steps are fine after a jump of the input and grow as the response slows; the rests between the
-trials are steps too, so that the specimen's memory runs through the whole campaign.
+trials are steps too, so that damage, friction and creep run through the whole campaign; in them the
+fractional memory fades.
 """
 
 from __future__ import annotations

@@ -175,9 +175,10 @@ class AngleProblem(Explained):
             spread = [evidence.curve_share * e.at(evidence.reach).spread for e in errors]
             self.variance[self.curve] += np.square(spread)
         if self.trend:
-            known = np.repeat([GAIN, REST], 3)[: self.trends.size]
-            self.variance[self.trends] = np.square(3.0 * bench.scales[known])
-            self.variance[self.trends[2::3]] = 1.0
+            gain, rest = 3.0 * bench.scales[[GAIN, REST]]
+            self.variance[self.trends] = np.square([gain, gain, 1.0, rest, rest, 1.0])[
+                : self.trends.size
+            ]
         self.variance[self.late] = SETTINGS.angle_late_s**2
         # Both ways through a calibration, and a later one, share it: nothing there tells of it.
         self.variance[self.marks] = bench.noise.fixture.mark_deg**2

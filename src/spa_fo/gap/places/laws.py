@@ -119,7 +119,7 @@ def bases(bench: Bench, base: Fitted) -> list[Basis]:
     chain, grid = bench.chain, bench.evidence.grid
     trial = np.searchsorted(grid.step_starts[1:], np.arange(grid.level.size), side="right")
     used = (grid.cells > 0) & bench.evidence.takes_part[trial]
-    step_s = np.asarray(STEPS_S[grid.fading], dtype=np.float64)
+    step_s = np.asarray(STEPS_S[grid.level], dtype=np.float64)
     angle, memory = chain.angles(base.x, base.effects)
     before = np.concatenate([[0.0], angle[:-1]])
     cells = chain.pressure(base.effects, memory.play_kpa)

@@ -70,7 +70,8 @@ def move(
     usual : (n,) array
         What is known to be missed of the angle at the end of each step, rad; effects feel it, too.
     level, fading : (n,) arrays
-        Step lengths, as indices into `STEPS_S`; as long the fractional memory takes them for.
+        Step lengths, as indices into `STEPS_S`: for all else, and for the fractional memory, which
+        fades in a rest however short that is.
     time_s : (n,) array
         Campaign time at each step's middle.
     x : (5,) array
