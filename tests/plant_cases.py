@@ -49,7 +49,13 @@ SIZES: dict[str, dict[str, float]] = {
     "gravity_load": {"along_rest": 0.1, "across_rest": 0.1, "at_rest": 0.0},
     "contact_stop": {"angle_deg": 40.0, "stiffness": 3.0, "softness_deg": 4.0},
     "mullins_softening": {"fraction": 0.2},
-    "creep": {"per_decade": 0.06, "typical_s": 20.0, "decades": 1.2, "by_angle": 0.3},
+    "creep": {
+        "per_decade": 0.06,
+        "typical_s": 20.0,
+        "decades": 1.2,
+        "by_angle": 0.3,
+        "growth": 0.4,
+    },
     "hysteresis": {
         "moment_deg": 4.0,
         "turn_deg": 20.0,

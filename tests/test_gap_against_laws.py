@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -51,7 +52,11 @@ def laws(monkeypatch: pytest.MonkeyPatch) -> Any:
     def of(*nats: float, place: str = "moment") -> None:
         basis = SimpleNamespace(place=place)
         fits = [SimpleNamespace(basis=basis, logs=np.append(0.0, logs(each))) for each in nats]
-        monkeypatch.setattr(module, "fitted_laws", lambda bench, base, least: (None, fits))
+
+        def fitted(bench: Any, base: Any, least: float, apart: Sequence[str]) -> list[Any]:
+            return [fit for fit in fits if fit.basis.place not in apart]
+
+        monkeypatch.setattr(module, "fitted_laws", fitted)
 
     return of
 

@@ -148,6 +148,38 @@ def test_it_stops_after_as_many_points_as_it_may() -> None:
     assert Drawn(0).search(most=2).tried == 2
 
 
+def test_a_search_without_hope_is_given_up() -> None:
+    problem = Drawn(0)
+    whole = problem.value(problem.start) - problem.oracle()
+
+    def searched(worth: float) -> Minimum:
+        limits = problem.low, problem.high, ENOUGH, 60, np.diag(1.0 / problem.spread**2)
+        return minimise(
+            problem.value, problem.quadratic, problem.start, *limits, problem.bend, worth
+        )
+
+    assert searched(0.5 * whole).decrement < ENOUGH
+    given_up = searched(1e3 * whole)
+    assert given_up.tried == 0
+    assert given_up.z.tolist() == problem.start.tolist()
+
+
+def test_a_search_that_gains_nothing_is_given_up() -> None:
+    """Its slopes promise what is not there, as those of a kink do."""
+    found = minimise(
+        lambda z: 1.0,
+        lambda z: Quadratic(1.0, np.ones(1), np.eye(1)),
+        np.zeros(1),
+        np.full(1, -9.0),
+        np.full(1, 9.0),
+        ENOUGH,
+        60,
+        np.eye(1),
+    )
+    assert found.tried == found.rejected == 6
+    assert found.decrement == pytest.approx(0.5)
+
+
 def test_slopes_are_taken_of_points_that_are_kept_alone() -> None:
     problem, looked = Drawn(0), []
     found = minimise(

@@ -395,18 +395,35 @@ def test_moments_act_together() -> None:
     np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
 
 
-@pytest.mark.parametrize(("by_angle", "atol"), [(0.0, 1e-6), (0.3, 5e-3), (1.0, 1e-2)])
-def test_creep_against_a_loop(by_angle: float, atol: float) -> None:
+def test_a_load_that_is_remembered_is_the_one_that_is_computed() -> None:
+    """Also where a pump with play stopped, and whatever becomes of the one that was given."""
+    grid, reused = campaign_grid(trials(step_release(), jerky())), None
+    for name in ("drive_backlash", "line_lag", "drive_backlash", "stiffening"):
+        effects, fresh = vector(name), chain_for(grid, X, KPA)
+        reused = reused or fresh
+        angle, memory = reused.angles(X, effects)
+        expected, ends = chain_for(grid, X, KPA).angles(X, effects)
+        np.testing.assert_array_equal(angle, expected)
+        np.testing.assert_array_equal(memory.play_kpa, ends.play_kpa)
+        angle[:] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("by_angle", "growth", "atol"),
+    [(0.0, 0.0, 1e-6), (0.0, 0.7, 1e-6), (0.3, 0.0, 5e-3), (1.0, 1.0, 1e-2)],
+)
+def test_creep_against_a_loop(by_angle: float, growth: float, atol: float) -> None:
     own = trials(step_release())
     assert own[0].command_kpa is not None
     static = X[4] / X[3]
     load = np.repeat(own[0].command_kpa, 2) / KPA
     p, plain = parameters("creep"), angles(own, absent())[0]
-    del p["by_angle"]
+    del p["by_angle"], p["growth"]
     at = naive.loop(load, STEP_S, X, naive.Spring(lambda a: 0.0))
     towards = (1.0 - by_angle) * static * load + by_angle * at
+    towards = towards * np.abs(np.degrees(towards) / 60.0) ** growth
     slow = np.degrees(naive.creep(towards, *p.values(), STEP_S))
-    crept = angles(own, vector("creep", by_angle=by_angle))[0] - plain
+    crept = angles(own, vector("creep", by_angle=by_angle, growth=growth))[0] - plain
     assert crept.max() > 2.0
     np.testing.assert_allclose(crept[1:], slow[1::2][: crept.size - 1], atol=atol)
 
@@ -862,6 +879,9 @@ def test_step_means_keep_the_area() -> None:
     means = grid.step_means(grid.command_kpa)
     assert (means * grid.cells).sum() == pytest.approx(grid.command_kpa.sum())
     assert (means[grid.cells == 0] == 0.0).all()
+    for step in np.flatnonzero(grid.cells):
+        cells = grid.command_kpa[grid.first_cell[step] :][: grid.cells[step]]
+        assert means[step] == pytest.approx(cells.mean())
 
 
 def test_steps_are_fine_after_a_jump_and_grow() -> None:

@@ -33,6 +33,7 @@ _LATENCY = LIBRARY["channel_latency"].slots
 _SLIP = LIBRARY["sensor_slip"].slots
 _PLAY = LIBRARY["drive_backlash"].slots
 _GRAVITY = LIBRARY["gravity_load"].slots
+_REMEMBERED = 8  # loads of a chain
 _HUNG_S = 3600.0  # for which a specimen without a past has hung under its weight
 
 
@@ -240,10 +241,25 @@ class Chain:
         return felt_angle(angle_deg, level, effects, film)
 
     def _load(self, effects: Floats, play: Floats) -> Floats:
-        """Mean of u over each step."""
+        """Mean of u over each step, `play` carried on in place.
+
+        It is remembered: most changes of parameters leave the drive as it is.
+        """
         if self.is_pressure:
             return self._known_load
-        return self.grid.step_means(self.pressure(effects, play)) / self.reference_kpa
+        key = effects[LIBRARY.of_stage("drive")].tobytes() + play.tobytes()
+        if key not in self._loads:
+            if len(self._loads) >= _REMEMBERED:
+                self._loads.clear()
+            load = self.grid.step_means(self.pressure(effects, play)) / self.reference_kpa
+            self._loads[key] = load, play.copy()
+        load, play[:] = self._loads[key]
+        return load.copy()
+
+    @cached_property
+    def _loads(self) -> dict[bytes, tuple[Floats, Floats]]:
+        """Loads that are remembered, each with where it leaves a pump with play."""
+        return {}
 
     @cached_property
     def _known_load(self) -> Floats:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from spa_fo.errors import BadInput
 from spa_fo.plant.grid_steps import rest_levels, step_levels
 from spa_fo.plant.lost_rows import command_times
-from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S, read_rows
+from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S, means_over, read_rows
 from spa_fo.rig import Trial
 
 Floats = NDArray[np.float64]
@@ -133,9 +133,7 @@ class CampaignGrid:
 
     def step_means(self, cells: Floats) -> Floats:
         """Average a signal given on cells over the steps; 0 in the rests."""
-        total = np.concatenate([[0.0], np.cumsum(cells)])
-        sums = total[self.first_cell + self.cells] - total[self.first_cell]
-        return np.asarray(np.where(self.cells > 0, sums / np.maximum(self.cells, 1), 0.0))
+        return np.asarray(means_over(cells, self.first_cell, self.cells))
 
     def sampled(self, cells: Floats) -> Floats:
         """Average a signal given on cells over the rows of each averaged sample."""

@@ -283,6 +283,19 @@ def rises(load: Floats, level: Integers) -> Floats:
 
 
 @njit
+def means_over(cells: Floats, first: Integers, count: Integers) -> Floats:
+    """Average `count` cells from each `first` on, (n,); 0 where there are none."""
+    out = np.zeros(first.size)
+    for i in range(first.size):
+        total = 0.0
+        for cell in range(first[i], first[i] + count[i]):
+            total += cells[cell]
+        if count[i] > 0:
+            out[i] = total / count[i]
+    return out
+
+
+@njit
 def read_rows(
     cells: Floats,
     before: Integers,

@@ -14,11 +14,12 @@ from scipy.special import logsumexp
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import angle_part
 from spa_fo.gap.decide.verdict import Scored, Verdict, with_unknown
+from spa_fo.gap.fit.minimise import HOPE
 from spa_fo.gap.places.law_basis import ORDERED
 from spa_fo.gap.places.laws import fitted_laws, standing, weighed
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.explanations import WORTH_WEIGHING
-from spa_fo.gap.search.fitted import HOPE, price
+from spa_fo.gap.search.fitted import price
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, log_odds, rare
 
@@ -57,13 +58,12 @@ def _laws(first: Scored, examined: Examined) -> float:
     # A law's coefficients have what a given model tells beforehand, a set has it among its rows.
     told = found.bench.coefficients.untempered().log_evidence(found.bench.centre)
     least = name - log_prior(tuple(LIBRARY)[:1]) - SETTINGS.temper * (told + HOPE * WORTH_WEIGHING)
-    _, fits = fitted_laws(found.bench, found.plain, least)
     # What goes with the trials' order may be their scatter: it is weighed as a trend. At the place
     # of a single effect a law is that effect, in another form; also beside a shift of parameters,
     # which are as free beside a law.
     alone = [effect for effect in named if LIBRARY[effect].port != "coefficients"]
     own = LIBRARY[alone[0]].place if len(alone) == 1 else ""
-    laws = [fit for fit in fits if fit.basis.place not in (*ORDERED, own)]
+    laws = fitted_laws(found.bench, found.plain, least, (*ORDERED, own))
     if not laws:
         return -np.inf
     one = log_prior(tuple(LIBRARY)[:1]) + np.log(SETTINGS.unknown / len(laws))

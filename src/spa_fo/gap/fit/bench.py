@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,11 @@ class Bench:
     def starts(self) -> list[Floats]:
         """Coefficients that a search may begin with."""
         return [self.centre, self.given] if self.own else [self.centre]
+
+    @cached_property
+    def shifted(self) -> Coefficients:
+        """What is known of the coefficients where the parameters have shifted since."""
+        return self.coefficients.shifted(self.centre)
 
     def freed(self) -> Bench:
         """Return the bench of an actuator whose coefficients give way to a law beside them."""

@@ -103,6 +103,10 @@ class Explained(ABC):
         self._moments = self.free + np.flatnonzero([s.parameter.is_moment for s in self.slots])
         self.low = np.append(LOWEST[: self.free], [s.limits[0] for s in self.slots])
         self.high = np.append(HIGHEST[: self.free], [s.limits[1] for s in self.slots])
+        places = np.array([s.place for s in self.slots], dtype=np.int64)
+        self._placed = np.flatnonzero(places >= 0)
+        self._places = places[self._placed]
+        self._log = np.flatnonzero([s.parameter.log for s in self.slots])
         self._known: dict[tuple[str, bytes], Any] = {}
 
     @abstractmethod
@@ -129,10 +133,9 @@ class Explained(ABC):
 
     def effects(self, z: Floats) -> Floats:
         """Parameters of all effects, NaN where absent."""
-        e = absent()
-        for slot, value in zip(self.slots, z[self.free :].tolist(), strict=True):
-            if slot.place >= 0:
-                e[slot.place] = slot.value(value)
+        e, own = absent(), z[self.free :].copy()
+        own[self._log] = np.exp(own[self._log])
+        e[self._places] = own[self._placed]
         return e
 
     def left(self, z: Floats) -> Floats:
@@ -184,9 +187,15 @@ class Explained(ABC):
     # --- search ----------------------------------------------------------------------------------
 
     def search(
-        self, start: Floats, factor: Factor, spread: Floats, enough: float, most: int
+        self,
+        start: Floats,
+        factor: Factor,
+        spread: Floats,
+        enough: float,
+        most: int,
+        worth: float = -np.inf,
     ) -> Minimum:
-        """Search with the nuisances' prior variances `spread`.
+        """Search with the nuisances' prior variances `spread`; for the others see `minimise`.
 
         Their columns are those about `start`, but for those of `moving`, which go with the point.
         A moment stays: what happens at once has no slope over it.
@@ -238,7 +247,8 @@ class Explained(ABC):
             second = 2.0 / _BEND * ((near - kept.left) / _BEND + j @ step)
             return np.asarray(j_taken.T @ kept.taken(second) - j.T @ second)
 
-        return minimise(value, quadratic, start, low, high, enough, most, self.precision, bend)
+        metric = self.precision
+        return minimise(value, quadratic, start, low, high, enough, most, metric, bend, worth)
 
     def spread(self, variances: Floats) -> Floats:
         """Prior variances of all nuisances for variances of their groups."""

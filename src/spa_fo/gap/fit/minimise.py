@@ -5,7 +5,7 @@ bound that it meets. The damping follows the gain ratio (Nielsen 1999), against 
 beforehand. A step is bent along the valley that it follows (geodesic acceleration,
 doi:10.1103/PhysRevE.83.036701), as coefficients of one response lie in a narrow and curved one. The
 search ends where the Newton decrement of the free parameters, half of what a full step would gain,
-is below a limit.
+is below a limit, and is given up where nothing is gained any more, or too little can be.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ _DAMPING = 5.0  # where it starts, against the prior: few points are rejected, a
 _MOST_BENT = 0.75
 """Longest acceleration, as a share of its step, that is still to be trusted (there, section IV)."""
 _STUCK = 1e-9  # a step that is no step
+_FRUITLESS = 6  # tries that together gain less than is enough: kinks finer than any slope. Assumed
+HOPE = 10.0
+"""Times what a full step would gain is what a search may still gain."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,7 @@ def minimise(
     most: int,
     metric: Floats,
     bend: Callable[[Floats, Floats], Floats] | None = None,
+    worth: float = -np.inf,
 ) -> Minimum:
     """Search from `start`, which is moved to within the bounds first.
 
@@ -96,16 +100,20 @@ def minimise(
     bend : callable, optional
         From the last point that was looked at and a step: slopes of the residual, transposed, times
         its second derivative along that step.
+    worth : float
+        How much has to be gained in all: a search that has no hope of it is given up.
     """
     z = np.clip(start, low, high)
     at = quadratic(z)
     if not at.is_finite:
         return Minimum(z, replace(at, value=np.inf), np.inf, 0, 0)
     damping, growth, tried, rejected = _DAMPING, 2.0, 0, 0
+    least, values = at.value - worth, [at.value]
     while True:
         free = free_of(z, at.gradient, low, high)
         left = decrement(at, free)
-        if left < enough or tried >= most:
+        fruitless = tried >= _FRUITLESS and values[-1 - _FRUITLESS] - at.value < enough
+        if left < enough or tried >= most or fruitless or at.value - HOPE * left > least:
             break
         damped = at.hessian + damping * metric
         moved = _step(z, at, free, damped, low, high)
@@ -128,6 +136,7 @@ def minimise(
             growth *= 2.0
             if float(np.max(np.abs(moved))) < _STUCK:
                 break
+        values.append(at.value)
     return Minimum(z, at, left, tried, rejected)
 
 

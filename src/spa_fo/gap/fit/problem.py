@@ -90,9 +90,8 @@ class AngleProblem(Explained):
         self.bench, self.ids, self.calibrated, self.trend = bench, tuple(ids), calibrated, trend
         self.evidence, self.chain, self.rows = bench.evidence, bench.chain, bench.whitening.rows
         self.line = bench.line if at_port("line", ids) else None
-        known = bench.coefficients
-        if at_port("coefficients", ids) is not None:
-            known = known.shifted(bench.centre)
+        shifts = at_port("coefficients", ids) is not None
+        known = bench.shifted if shifts else bench.coefficients
         if not bench.noise.compared:  # what a reference's model errs by is expected beside it
             known = known.untempered()
         slips = at_port("zeros", ids) is not None

@@ -51,7 +51,7 @@ _MOST_ALIKE = 0.99  # correlation of neighbouring samples
 
 def place_laws(bench: Bench, base: Fitted) -> list[LawFit]:
     """Fit a law at every place but the drive's beside what is known, the most probable first."""
-    without, fits = fitted_laws(bench, base)
+    without, fits = _without_law(bench, base), fitted_laws(bench, base)
     scores = np.array([standing(without), *(standing(fit.logs) for fit in fits)])
     probability = np.exp(scores - logsumexp(scores))[1:]
     placed = [
@@ -62,21 +62,16 @@ def place_laws(bench: Bench, base: Fitted) -> list[LawFit]:
     return sorted(placed, key=lambda fit: -fit.probability)
 
 
-def fitted_laws(bench: Bench, base: Fitted, least: float = -np.inf) -> tuple[Floats, list[LawFit]]:
-    """Fit a law at every place but the drive's, the best of them to their end.
+def fitted_laws(
+    bench: Bench, base: Fitted, least: float = -np.inf, apart: Sequence[str] = ()
+) -> list[LawFit]:
+    """Fit a law at every place but the drive's and those `apart`, the best of them to their end.
 
-    Those that a screening finds to stand below `least` are left at that.
-
-    Returns
-    -------
-    without : (1 + shares,) array
-        Log evidence of what is known by itself, as a law's `logs`.
-    fits : list of LawFit
-        One a place.
+    Those that a screening finds to stand below `least` are left at that. There is one a place.
     """
-    factors = [bench.whitening.factor(base.level, s) for s in (SETTINGS.search_share, *SHARES)]
-    without = _without_law(bench, base, factors)
-    rough = _fits(bench, list(_candidates(bench, base)), factors, rounds=1)
+    factors = _factors(bench, base)
+    candidates = [each for each in _candidates(bench, base) if each[0].place not in apart]
+    rough = _fits(bench, candidates, factors, rounds=1)
     screened = [fit for fit in rough if fit is not None]
     screened.sort(key=lambda fit: -standing(fit.logs))
     best = [fit for fit in screened[:_FITTED] if standing(fit.logs) >= least]
@@ -85,7 +80,12 @@ def fitted_laws(bench: Bench, base: Fitted, least: float = -np.inf) -> tuple[Flo
         screened[k] = fit or best[k]  # beyond the screening it may be too steep
     # Of the variants of one place the best stands.
     screened.sort(key=lambda fit: standing(fit.logs))
-    return without, list({fit.basis.place: fit for fit in screened}.values())
+    return list({fit.basis.place: fit for fit in screened}.values())
+
+
+def _factors(bench: Bench, base: Fitted) -> list[Factor]:
+    """Give the factor that a law is fitted with, and those of all shares that it may miss."""
+    return [bench.whitening.factor(base.level, s) for s in (SETTINGS.search_share, *SHARES)]
 
 
 def _fits(
@@ -147,9 +147,12 @@ def _candidates(bench: Bench, base: Fitted) -> Iterator[tuple[Basis, Fitted]]:
             yield basis, replace(base, calibrated=replace(base.calibrated, later=later))
 
 
-def _without_law(bench: Bench, base: Fitted, factors: Sequence[Factor]) -> Floats:
-    """Log evidence of what is known by itself, its coefficients as free as beside a law."""
-    problem = AngleProblem(bench.freed(), base.ids, base.calibrated)
+def _without_law(bench: Bench, base: Fitted) -> Floats:
+    """Log evidence of what is known by itself, its coefficients as free as beside a law.
+
+    Like a law's `logs`, (1 + shares,).
+    """
+    problem, factors = AngleProblem(bench.freed(), base.ids, base.calibrated), _factors(bench, base)
     spread = problem.spread(base.variances)
     found = problem.search(base.z, factors[0], spread, _ENOUGH, _MOST_TRIED)
     linear = problem.linear(found.z)

@@ -18,13 +18,14 @@ from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import SHARES, Bench, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
+from spa_fo.gap.fit.minimise import HOPE
 from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, row_cells, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import PressureNoise, between_repeats, pressure_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.explanations import Explanations
-from spa_fo.gap.search.fitted import HOPE, Fitted, begun, price, settled, weighed
+from spa_fo.gap.search.fitted import Fitted, begun, price, settled, weighed
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, absent, beside, ordered

@@ -10,16 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
+from spa_fo.gap.fit.minimise import HOPE
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
 from spa_fo.gap.prior import further_price, log_prior
 from spa_fo.gap.search.fitted import (
-    HOPE,
     LINE_SEARCH,
     Fitted,
     begun,
@@ -99,7 +100,7 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     if again is not None and not bench.own:
         alone.append(((again,), [plain.z]))
     with team(bench) as ours:
-        fits = {(): plain} | _fits(ours, alone, plain, plain, least=_HOSTS)
+        fits = {(): plain} | _fits(ours, alone, plain, plain)
         allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
         hosts = sorted(allowed, key=lambda f: -_worth(f))[:_HOSTS]
         level = _level_beside(bench, hosts)
@@ -203,7 +204,6 @@ def _fits(
     wanted: Sequence[tuple[Ids, list[Floats]]],
     plain: Fitted,
     best: Fitted,
-    least: int = 0,
 ) -> dict[Ids, Fitted]:
     """Fit explanations roughly, and to their end those that may still be worth weighing.
 
@@ -217,21 +217,11 @@ def _fits(
         The plain model's fit.
     best : Fitted
         The best fit so far.
-    least : int
-        How many of the best are fitted to their end in any case, besides a shift of the parameters.
     """
     rough = ours(begun, [(ids, points, plain) for ids, points in wanted])
-    ranked = sorted(rough, key=lambda f: -f.quick)
-    highest = max([best.quick, *(f.quick for f in ranked)])
-    again = at_port("coefficients")
-    worth = [
-        f
-        for place, f in enumerate(ranked)
-        if place < least
-        or f.ids == (again,)
-        or f.quick + HOPE * f.decrement > highest - WORTH_WEIGHING
-    ]
-    ended = ours(settled, [(f, plain) for f in worth])
+    least = max([best.quick, *(f.quick for f in rough)]) - WORTH_WEIGHING
+    worth = [f for f in rough if f.quick + HOPE * f.decrement > least]
+    ended = ours(partial(settled, least=least), [(f, plain) for f in worth])
     return {f.ids: f for f in rough} | {f.ids: f for f in ended}
 
 

@@ -27,8 +27,6 @@ Ids = tuple[str, ...]
 _ROUGH, _ROUGH_TRIED = 0.5, 12  # nats and points of a search that only ranks
 _ENOUGH, _MOST_TRIED = 0.01, 40
 _FIRST_SHARE = 1  # where the search for the best share and level begins
-HOPE = 10.0
-"""Times what a full step would gain is what a rough fit may still gain."""
 LINE_SEARCH = np.log(400.0)  # price of a search over frequencies and amplitudes
 
 
@@ -171,11 +169,15 @@ def settled(
     plain: Fitted | None = None,
     share: float = SETTINGS.search_share,
     most: int = _MOST_TRIED,
+    least: float = -np.inf,
 ) -> Fitted:
-    """Go on with a rough fit to its end, with the nuisances' variances that it has found."""
+    """Go on with a rough fit to its end, with the nuisances' variances that it has found.
+
+    It is given up where it has no hope of a log evidence of `least`.
+    """
     problem = problem_of(bench, rough)
-    factor = bench.whitening.factor(bench.level, share)
-    found = problem.search(rough.z, factor, problem.spread(rough.variances), _ENOUGH, most)
+    factor, spread = bench.whitening.factor(bench.level, share), problem.spread(rough.variances)
+    found = problem.search(rough.z, factor, spread, _ENOUGH, most, least - rough.quick)
     tried, rejected = rough.tried + found.tried, rough.rejected + found.rejected
     found = replace(found, tried=tried, rejected=rejected)
     return _fitted(problem, found, factor, rough.variances, plain)

@@ -113,7 +113,7 @@ class _ScoreTest:
         mine = np.array([slots.start <= slot.place < slots.stop for slot in problems[0].slots])
 
         def shown(points: Sequence[Floats]) -> list[Shown]:
-            return [self._shown(name, one, mine, own) for own, one in product(points, problems)]
+            return self._shown(name, list(product(points, problems)), mine)
 
         points = [z[5:] for z in starts(AngleProblem(bench, (name,)), base.z[:5])]
         if moment is None:
@@ -137,27 +137,45 @@ class _ScoreTest:
                 step /= _FINER
         return found
 
-    def _shown(self, name: str, one: AngleProblem, mine: NDArray[np.bool_], own: Floats) -> Shown:
-        """Weigh an effect whose own parameters are `own`, by as much as it shows of them."""
-        slots = [slot for slot, its in zip(one.slots, mine, strict=True) if its]
-        z, (none, ways, least, most) = np.empty(one.parameters), _ways(LIBRARY[name], slots, own)
-        z[:5], z[5:][~mine] = self.base.z[:5], self.base.z[5:]
-        columns = np.column_stack([self._change(one, z, mine, way) for way in ways])
+    def _shown(
+        self, name: str, begun: Sequence[tuple[Floats, AngleProblem]], mine: NDArray[np.bool_]
+    ) -> list[Shown]:
+        """Weigh an effect with any of some own parameters, by as much as it shows of them."""
+        if not begun:
+            return []
+        slots = [slot for slot, its in zip(begun[0][1].slots, mine, strict=True) if its]
+        ways = [_ways(LIBRARY[name], slots, own) for own, _ in begun]
+        changes = [
+            self._change(one, mine, way)
+            for (_, one), (_, each, _, _) in zip(begun, ways, strict=True)
+            for way in each
+        ]
+        columns = self.problem.white(self.factor, np.column_stack(changes))
         shadows = forward(self.root, self.own.T @ columns)
-        seen = columns.T @ columns - shadows.T @ shadows + np.eye(len(ways))
         score = columns.T @ self.left - shadows.T @ self.taken
-        size = _within(seen, score, least, most)
-        z[5:][mine] = own if len(ways) == 1 else none + size @ (ways - none)
-        return Shown(name, float(size @ score - 0.5 * size @ seen @ size), z)
+        found, end = [], 0
+        for (own, _), (none, each, least, most) in zip(begun, ways, strict=True):
+            here = slice(end, end := end + len(each))
+            seen = columns[:, here].T @ columns[:, here] - shadows[:, here].T @ shadows[:, here]
+            seen += np.eye(len(each))
+            size = _within(seen, score[here], least, most)
+            z = self._at(mine, own if len(each) == 1 else none + size @ (each - none))
+            gain = size @ score[here] - 0.5 * size @ seen @ size
+            found.append(Shown(name, float(gain), z))
+        return found
 
-    def _change(self, one: AngleProblem, z: Floats, mine: NDArray[np.bool_], own: Floats) -> Floats:
-        """Give what an effect with parameters `own` changes, whitened."""
-        z[5:][mine] = own
+    def _at(self, mine: NDArray[np.bool_], own: Floats) -> Floats:
+        """Give the explanation's point with further parameters `own`."""
+        z = np.empty(5 + mine.size)
+        z[:5], z[5:][~mine], z[5:][mine] = self.base.z[:5], self.base.z[5:], own
+        return z
+
+    def _change(self, one: AngleProblem, mine: NDArray[np.bool_], own: Floats) -> Floats:
+        """Give what an effect with parameters `own` changes, at all rows."""
+        z = self._at(mine, own)
         angle, fixed = one.predict(z)
         rows, drift = self.problem.rows.merged(angle - self.angle), one.drifted(z) - self.drifted
-        return self.problem.white(
-            self.factor, self.problem.stacked(rows, fixed - self.fixed, drift)
-        )
+        return self.problem.stacked(rows, fixed - self.fixed, drift)
 
 
 def _ways(

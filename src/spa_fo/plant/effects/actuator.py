@@ -14,7 +14,7 @@ import numpy as np
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.contact_stop import contact_moment
-from spa_fo.plant.effects.creep import crept
+from spa_fo.plant.effects.creep import crept, driving
 from spa_fo.plant.effects.gravity_load import weight_moment
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import LIBRARY
@@ -33,7 +33,7 @@ HYSTERESIS = LIBRARY["hysteresis"].first
 THERMAL_DRIFT = LIBRARY["thermal_drift"].first
 
 _NEWTON = 6
-_SETTLED = 1e-7  # rad; the error that a step of Newton leaves is of the order of its square
+_SETTLED = 1e-6  # rad; the error that a step of Newton leaves is of the order of its square
 
 _STEEP = 0.2  # of a step's equation over the angle: what is less is hardly solved
 
@@ -110,9 +110,9 @@ def move(
         inside = math.radians(e[HYSTERESIS]) - outside
         radii = stop_radii(math.radians(e[HYSTERESIS + 1]), e[HYSTERESIS + 2])
     stop_angle, stop_softness = math.radians(e[CONTACT_STOP]), math.radians(e[CONTACT_STOP + 2])
-    creep_size, by_angle = np.zeros(creep.size), 0.0
+    creep_size, by_angle, growth = np.zeros(creep.size), 0.0, 0.0
     if creeping:
-        by_angle = e[CREEP + 3]
+        by_angle, growth = e[CREEP + 3], e[CREEP + 4]
         creep_size = creep_sizes(e[CREEP], e[CREEP + 1], e[CREEP + 2])
 
     out = np.empty(load.size)
@@ -197,7 +197,8 @@ def move(
         out[i] = angle + known
         if creeping:
             towards = static * u + by_angle * (angle - static * u)
-            out[i] += crept(creep, creep_keep[level[i]], creep_size, towards)
+            pulls = driving(towards, growth)
+            out[i] += crept(creep, creep_keep[level[i]], creep_size, pulls)
         if rubbing:
             out[i] -= outside * friction(0.0, stops, radii, begins)[0]
     stops[STOPS] = angle

@@ -1,9 +1,13 @@
 """Slow viscoelastic flow under held load that recovers at rest.
 
-What creeps goes with the load, or with the angle: with that it looks like a sensor's own creep.
+What creeps goes with the load, or with the angle: with that it looks like a sensor's own creep. It
+may grow faster than either, as polymers do beyond small strains (a power of the stress, Findley,
+Lai and Onaran 1976, Creep and Relaxation of Nonlinear Viscoelastic Materials).
 """
 
 from __future__ import annotations
+
+import math
 
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Effect, Parameter
@@ -21,6 +25,12 @@ EFFECT = Effect(
             means="part of it that goes with the angle and not with the load",
             is_addition=True,
         ),
+        Parameter(
+            *("growth", "1", 0.0, 0.5, 0.0, 2.0),
+            starts=(0.0,),
+            means="by which power more than the load it grows; its size is that at 60 deg",
+            is_addition=True,
+        ),
     ),
     name="creep of the material",
     means="the angle keeps growing slowly under held load and comes back at rest",
@@ -28,6 +38,15 @@ EFFECT = Effect(
     filter="creep",
     shown_in=("release", "hold"),
 )
+
+
+_REFERENCE = math.radians(60.0)
+
+
+@njit
+def driving(towards: float, growth: float) -> float:
+    """Give the angle (rad) that creep is a share of, of one that it would be if it were linear."""
+    return towards * (abs(towards) / _REFERENCE) ** growth if growth > 0.0 else towards
 
 
 @njit

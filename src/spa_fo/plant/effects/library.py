@@ -116,6 +116,7 @@ class Library(Mapping[str, Effect]):
             self._effects[effect.id] = replace(effect, first=self.size)
             self.size += len(effect.parameters)
         self.acting = tuple(e for e in self._effects.values() if e.act is not None)
+        self._of_stage: dict[Stage, Integers] = {}
 
     def __getitem__(self, name: str) -> Effect:
         return self._effects[name]
@@ -128,7 +129,14 @@ class Library(Mapping[str, Effect]):
 
     def slots(self, holds: Callable[[Effect], bool]) -> Integers:
         """Places of the parameters of all effects of a kind."""
-        return np.concatenate([np.r_[e.slots] for e in self._effects.values() if holds(e)])
+        held = [range(e.slots.start, e.slots.stop) for e in self._effects.values() if holds(e)]
+        return np.array([place for each in held for place in each], dtype=np.int64)
+
+    def of_stage(self, stage: Stage) -> Integers:
+        """Places of the parameters of all effects of a stage, which are looked up once."""
+        if stage not in self._of_stage:
+            self._of_stage[stage] = self.slots(lambda e: e.stage == stage)
+        return self._of_stage[stage]
 
 
 LIBRARY = Library((*_CONTRACT, *_FURTHER))

@@ -83,6 +83,12 @@ def _newly(level: int, before: float, after: float) -> float:
 
 
 @njit
+def _kept(passed: float, loadings: float) -> float:
+    """Share of a level that is left once so much of it is passed: mostly nothing is, and 1."""
+    return math.exp(-passed / loadings) if passed > 0.0 else 1.0
+
+
+@njit
 def virgin_moment(
     before: float,
     angle: float,
@@ -108,14 +114,14 @@ def virgin_moment(
     local = width * below[level] + virgin[level] * part
     tangent = virgin[level] if 0.0 < part < width else 0.0
     for j in range(min(int(max(start, 0.0)), last), level + 1):
-        softened = math.expm1(-_newly(j, start, at) / loadings)
+        softened = _kept(_newly(j, start, at), loadings) - 1.0
         local += virgin[j] * (part if j == level else width) * softened
     whole = below[virgin.size] / virgin.size
     back, steeper = 0.0, 0.0
     if rejoins > 0.0 and angle > 0.0:
         lower = min(level, last - 1)
-        under = virgin[lower] * math.exp(-_newly(lower, start, at) / loadings)
-        over = virgin[lower + 1] * math.exp(-_newly(lower + 1, start, at) / loadings)
+        under = virgin[lower] * _kept(_newly(lower, start, at), loadings)
+        over = virgin[lower + 1] * _kept(_newly(lower + 1, start, at), loadings)
         here = under + (min(at, float(last)) - lower) * (over - under)
         back = here * angle
         # What softens on the way hardly bends it: Newton's steps need no more of the slope.
