@@ -203,16 +203,20 @@ class Explained(ABC):
         start = np.clip(start, self.low, self.high)
         low, high = self.low.copy(), self.high.copy()
         low[self._moments] = high[self._moments] = start[self._moments]
-        held, precision = self.white(factor, self.columns(start)), np.diag(1.0 / spread)
+        held, precision, moving = self.white(factor, self.columns(start)), 1.0 / spread, self.moving
+        inner = held.T @ held + np.diag(precision)
         seen = _Seen(np.zeros(0), held, held, held)  # the last point that was looked at
         kept, j, j_taken = seen, held, held  # the last one that was kept
 
         def look(z: Floats, left: Floats) -> _Seen:
-            columns = held
-            if self.moving.size:
-                columns = held.copy()
-                columns[:, self.moving] = self.moved(factor, z)
-            root = np.asarray(np.linalg.cholesky(columns.T @ columns + precision), np.float64)
+            columns, matrix = held, inner
+            if moving.size:  # most do not: their part of the matrix stays
+                columns, matrix = held.copy(), inner.copy()
+                columns[:, moving] = self.moved(factor, z)
+                matrix[moving] = columns[:, moving].T @ columns
+                matrix[:, moving] = matrix[moving].T
+                matrix[moving, moving] += precision[moving]
+            root = np.asarray(np.linalg.cholesky(matrix), np.float64)
             return _Seen(z, self.white(factor, left), columns, root)
 
         def of(at: _Seen, taken: Floats) -> float:

@@ -11,7 +11,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,7 +33,14 @@ from spa_fo.gap.search.fitted import (
     weighed,
     without_others,
 )
-from spa_fo.gap.search.screening import beforehand, first_of, points_of, screen
+from spa_fo.gap.search.screening import (
+    Shown,
+    beforehand,
+    by_promise,
+    first_of,
+    points_of,
+    screen,
+)
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import Team, each, team
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port, beside, ordered, rare
@@ -91,15 +100,15 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     plain = fit(bench, (), bench.starts)
     linear, chained = _to_try(bench, excluded)
     again = at_port("coefficients", excluded)
-    shown = screen(bench, plain, chained)
     alone = [((n,), [plain.z]) for n in linear]
     # What repeats say of their order no score test shows: it may hide in the trials' scatter.
     by_order = [n for n in chained if "order" in LIBRARY[n].shown_in and not rare(n)]
-    promising = dict.fromkeys([*first_of(shown, _SINGLES), *by_order])
-    alone += [((n,), points_of(shown, n)) for n in promising]
-    if again is not None and not bench.own:
-        alone.append(((again,), [plain.z]))
     with team(bench) as ours:
+        (shown,) = _screened(ours, [(plain, chained)])
+        promising = dict.fromkeys([*first_of(shown, _SINGLES), *by_order])
+        alone += [((n,), points_of(shown, n)) for n in promising]
+        if again is not None and not bench.own:
+            alone.append(((again,), [plain.z]))
         fits = {(): plain} | _fits(ours, alone, plain, plain)
         allowed = [f for f in fits.values() if f.ids and f.ids != (again,)]
         hosts = sorted(allowed, key=lambda f: -_worth(f))[:_HOSTS]
@@ -188,7 +197,7 @@ def _beside(
 ) -> dict[Ids, Fitted]:
     """Fit one effect more beside each host: those that a score test shows, and the linear ones."""
     more: dict[Ids, list[Floats]] = {}
-    shown = ours(screen, [(host, beside(host.ids, chained)) for host in hosts])
+    shown = _screened(ours, [(host, beside(host.ids, chained)) for host in hosts])
     for host, seen in zip(hosts, shown, strict=True):
         for name in first_of(seen, _BESIDE):
             more.setdefault(ordered((*host.ids, name)), points_of(seen, name)[:1])
@@ -197,6 +206,14 @@ def _beside(
                 more.setdefault(ordered((*host.ids, name)), [host.z])
     best = max(hosts, key=lambda f: f.quick, default=plain)
     return _fits(ours, list(more.items()), plain, best)
+
+
+def _screened(ours: Team, wanted: Sequence[tuple[Fitted, Sequence[str]]]) -> list[list[Shown]]:
+    """Weigh effects beside each host, shared out evenly; the most probable first."""
+    parts = numba.get_num_threads()
+    jobs = [(host, names[k::parts]) for host, names in wanted for k in range(parts)]
+    shown = ours(screen, jobs)
+    return [by_promise(chain(*shown[k : k + parts])) for k in range(0, len(jobs), parts)]
 
 
 def _fits(

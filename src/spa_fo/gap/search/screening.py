@@ -6,7 +6,7 @@ take, against what is left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -60,6 +60,11 @@ def screen(bench: Bench, base: Fitted, names: Sequence[str]) -> list[Shown]:
     """
     test = _ScoreTest(bench, base)
     shown = [one for name in names if name not in base.ids for one in test.of(name)]
+    return by_promise(shown)
+
+
+def by_promise(shown: Iterable[Shown]) -> list[Shown]:
+    """Sort what is shown, the most probable effect first."""
     return sorted(shown, key=lambda s: -s.gain - beforehand((s.name,)))
 
 
