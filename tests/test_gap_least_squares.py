@@ -236,7 +236,7 @@ def test_a_point_that_was_rejected_leaves_no_trace(monkeypatch: pytest.MonkeyPat
     step = np.array([0.3, -0.2, 0.4])
 
     def asked(value, quadratic, start, *others):
-        bend = others[-1]
+        bend = others[-2]
         before = quadratic(start)
         first = bend(start, step)
         value(start + step)

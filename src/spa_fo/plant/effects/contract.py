@@ -203,6 +203,7 @@ def _logged(chain: Chain, effects: Floats) -> Floats:
     """Give what the log holds at the ends of the longest steps, deg."""
     coarse = 2**_COARSEST * FINEST_STEP_S
     time = coarse * np.arange(1, _command().size // 2**_COARSEST)
+    chain = replace(chain)  # one that remembers no load, whatever an effect made of it before
     reading, _ = chain.readings(_X, effects)
     step, share = chain.grid.locate(0, time)
     return chain.logged(reading, effects, step, share, np.zeros(time.size, dtype=np.int64))
