@@ -106,6 +106,22 @@ def test_a_fast_line_is_found_with_its_frequency_and_amplitude(
     assert found.gain > 100.0
 
 
+@pytest.mark.parametrize("hz", [8.0, 12.2])
+def test_a_line_does_not_hide_itself_where_it_leaks_far(hz: float, clean: CampaignData) -> None:
+    """In short trials; near half the sampling rate it has neighbours on one side alone."""
+    logged = [
+        *("t_s", "command_kpa", "pressure_kpa", "flex_adc", "angle_deg"),
+        *("after_reset", "outside_calibration"),
+    ]
+    columns = [{n: getattr(t, n) for n in logged} for t in clean.trials]
+    cut = [{n: None if c is None else c[:150] for n, c in own.items()} for own in columns]
+    short = tuple(replace(trial, **own) for trial, own in zip(clean.trials, cut, strict=True))
+    found = [fast_line(collect(hummed(replace(clean, trials=short), hz, d))) for d in (0.2, 2.0)]
+    assert [line.frequency_hz for line in found] == pytest.approx([hz, hz], abs=0.1)
+    # Ten times the amplitude has a hundred times the power.
+    assert found[1].gain > 50.0 * found[0].gain > 0.0
+
+
 def test_no_fast_line_is_found_where_there_is_none(clean: CampaignData) -> None:
     assert fast_line(collect(clean)).gain == 0.0
 

@@ -66,8 +66,8 @@ def _best(hz: Floats, chi2: Floats, seen: Floats, amplitudes: Floats, price: flo
 def fast_line(evidence: Evidence) -> Line:
     """Find the strongest line above 3 Hz within the averaging steps.
 
-    It has to stand out of the noise of the frequencies about it, as that need not be white. Logs
-    too slow to show one have none.
+    It has to stand out of the noise of the frequencies about it, as that need not be white: of what
+    they hold beside it, as in short trials a line leaks far. Logs too slow to show one have none.
     """
     rate, pieces = _fast(evidence)
     known = np.isfinite(pieces)
@@ -84,11 +84,24 @@ def fast_line(evidence: Evidence) -> Line:
     about = 2 * round(_ABOUT_HZ / (frequency[1] - frequency[0])) + 1
     background = np.maximum(median_filter(mean, size=about, mode="reflect"), 1e-6 * total / n)
     at = int(np.argmax(np.where(frequency < SLOWEST_FAST_HZ, 0.0, mean / background)))
+    left = np.abs(np.fft.rfft(_cleared(pieces, known, frequency[at] / rate))) ** 2 / counts
+    away, own = np.abs(frequency - frequency[at]), rate / float(np.median(counts))
+    beside = (away > own) & (away <= own + _ABOUT_HZ)
+    least = float(np.median(left.mean(axis=0)[beside])) if beside.any() else float(background[at])
     # The median of an exponential is ln 2 of its mean.
-    noise = float(background[at]) / np.log(2.0)
+    noise = max(least, 1e-6 * total / n) / np.log(2.0)
     price = float(np.log(_PADDED / 2.0) + np.log(_FAST_AMPLITUDES.size))
     chi2, seen = 2.0 * power[:, [at]] / noise, counts / (2.0 * noise)
     return _best(frequency[[at]], chi2, seen, _FAST_AMPLITUDES, price)
+
+
+def _cleared(pieces: Floats, known: NDArray[np.bool_], turns: float) -> Floats:
+    """Take a wave of so many turns a sample off each trial, (trials, samples)."""
+    waves = wave(turns, np.arange(pieces.shape[1], dtype=np.float64))
+    left = pieces.copy()
+    for own, here in zip(left, known, strict=True):
+        own[here] -= waves[here] @ np.linalg.lstsq(waves[here], own[here], rcond=None)[0]
+    return left
 
 
 def without_lines(evidence: Evidence) -> Evidence:
