@@ -113,6 +113,7 @@ def minimise(
         free = free_of(z, at.gradient, low, high)
         left = decrement(at, free)
         fruitless = tried >= _FRUITLESS and values[-1 - _FRUITLESS] - at.value < enough
+        fruitless &= left < HOPE * enough  # what promises more may still find its way
         if left < enough or tried >= most or fruitless or at.value - HOPE * left > least:
             break
         damped = at.hessian + damping * metric
