@@ -248,12 +248,13 @@ class Chain:
         if self.is_pressure:
             return self._known_load
         key = effects[LIBRARY.of_stage("drive")].tobytes() + play.tobytes()
-        if key not in self._loads:
+        found = self._loads.get(key)  # threads that share the chain may clear it meanwhile
+        if found is None:
             if len(self._loads) >= _REMEMBERED:
                 self._loads.clear()
             load = self.grid.step_means(self.pressure(effects, play)) / self.reference_kpa
-            self._loads[key] = load, play.copy()
-        load, play[:] = self._loads[key]
+            found = self._loads[key] = load, play.copy()
+        load, play[:] = found
         return load.copy()
 
     @cached_property
