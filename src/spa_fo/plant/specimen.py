@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -54,14 +54,12 @@ class Memory:
 
     def copy(self) -> Memory:
         """Return one whose arrays may change."""
-        return Memory(
-            self.modes.copy(),
-            self.creep.copy(),
-            self.stops.copy(),
-            self.virgin.copy(),
-            self.film.copy(),
-            self.play_kpa.copy(),
-            self.ends_s,
+        return replace(
+            self,
+            **{
+                name: getattr(self, name).copy()
+                for name in ("modes", "creep", "stops", "virgin", "film", "play_kpa")
+            },
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -133,6 +133,7 @@ class Explained(ABC):
 
     def effects(self, z: Floats) -> Floats:
         """Parameters of all effects, NaN where absent."""
+        # As `Slot.value`, of all at once: every point asks for it.
         e, own = absent(), z[self.free :].copy()
         own[self._log] = np.exp(own[self._log])
         e[self._places] = own[self._placed]

@@ -82,14 +82,15 @@ def fast_line(evidence: Evidence) -> Line:
     power = np.abs(np.fft.rfft(pieces)) ** 2 / counts
     mean = power.mean(axis=0)
     about = 2 * round(_ABOUT_HZ / (frequency[1] - frequency[0])) + 1
-    background = np.maximum(median_filter(mean, size=about, mode="reflect"), 1e-6 * total / n)
+    least = 1e-6 * total / n
+    background = np.maximum(median_filter(mean, size=about, mode="reflect"), least)
     at = int(np.argmax(np.where(frequency < SLOWEST_FAST_HZ, 0.0, mean / background)))
     left = np.abs(np.fft.rfft(_cleared(pieces, known, frequency[at] / rate))) ** 2 / counts
     away, own = np.abs(frequency - frequency[at]), rate / float(np.median(counts))
     beside = (away > own) & (away <= own + _ABOUT_HZ)
-    least = float(np.median(left.mean(axis=0)[beside])) if beside.any() else float(background[at])
+    median = float(np.median(left.mean(axis=0)[beside])) if beside.any() else float(background[at])
     # The median of an exponential is ln 2 of its mean.
-    noise = max(least, 1e-6 * total / n) / np.log(2.0)
+    noise = max(median, least) / np.log(2.0)
     price = float(np.log(_PADDED / 2.0) + np.log(_FAST_AMPLITUDES.size))
     chi2, seen = 2.0 * power[:, [at]] / noise, counts / (2.0 * noise)
     return _best(frequency[[at]], chi2, seen, _FAST_AMPLITUDES, price)

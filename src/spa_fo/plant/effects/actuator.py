@@ -33,7 +33,8 @@ HYSTERESIS = LIBRARY["hysteresis"].first
 THERMAL_DRIFT = LIBRARY["thermal_drift"].first
 
 _NEWTON = 6
-_SETTLED = 1e-6  # rad; the error that a step of Newton leaves is of the order of its square
+# rad. A step of Newton leaves an error of the order of its square, where levels soften 1e-7 deg.
+_SETTLED = 1e-6
 
 _STEEP = 0.2  # of a step's equation over the angle: what is less is hardly solved
 
