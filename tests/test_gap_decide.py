@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from spa_fo.gap.answer.causes import _named, _uncalibrated
 from spa_fo.gap.data.hold_out import fraction_closed, hold_out
-from spa_fo.gap.decide import weigh
+from spa_fo.gap.decide import part, weigh
 from spa_fo.gap.decide.verdict import Scored, judge, said, stage_shares
 from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.prior import log_prior
@@ -173,28 +173,32 @@ def test_small_sets_come_first_and_a_shift_beside_another_last():
     assert log_prior(("creep", "parameter_shift")) < log_prior(two)
 
 
-def part(named, logs):
+def weighed(named, logs):
     """An explanation whose log evidence is `logs`, by the share that it misses."""
-    missed = weigh._missed(GAP_DEG, 0.0)
-    right, unknown = weigh._weighed(named, np.array(logs), missed, FLOOR_DEG)
-    return weigh._Part(named, named, right, unknown, None, {}, 0.0, missed)
+    missed = part.missed_of(GAP_DEG, 0.0)
+    right, unknown = part.weighed(named, np.array(logs), missed, FLOOR_DEG)
+    return part.Part(named, named, right, unknown, None, {}, 0.0, missed)
 
 
 def answer(*parts):
     return weigh._normalised(parts, FLOOR_DEG)
 
 
-PLAIN = part((), [-900.0, -800.0, -700.0, -500.0, -200.0, -100.0])
+PLAIN = weighed((), [-900.0, -800.0, -700.0, -500.0, -200.0, -100.0])
 
 
 def test_what_leaves_nothing_is_the_cause():
-    named, _, unknown = answer(PLAIN, part(("creep",), [0.0, -30.0, -90.0, -200.0, -300.0, -400.0]))
+    named, _, unknown = answer(
+        PLAIN, weighed(("creep",), [0.0, -30.0, -90.0, -200.0, -300.0, -400.0])
+    )
     assert named[("creep",)] > 0.9
     assert unknown < 0.1
 
 
 def test_what_leaves_much_stands_in_for_something_unknown():
-    named, _, unknown = answer(PLAIN, part(("creep",), [-400.0, -200.0, -90.0, 0.0, -20.0, -60.0]))
+    named, _, unknown = answer(
+        PLAIN, weighed(("creep",), [-400.0, -200.0, -90.0, 0.0, -20.0, -60.0])
+    )
     assert unknown > 0.5 > named[("creep",)]
 
 
@@ -202,22 +206,22 @@ def test_a_smooth_error_is_no_small_one_as_a_small_share_fits_it_best():
     logs = np.array([-900.0, -30.0, 0.0, -5.0, -200.0, -400.0])
     alike = []
     for left_deg in (0.0, 0.9 * GAP_DEG):
-        missed = weigh._missed(GAP_DEG, left_deg)
-        right, unknown = weigh._weighed((), logs, missed, FLOOR_DEG)
-        plain = weigh._Part((), (), right, unknown, None, {}, 0.0, missed)
+        missed = part.missed_of(GAP_DEG, left_deg)
+        right, unknown = part.weighed((), logs, missed, FLOOR_DEG)
+        plain = part.Part((), (), right, unknown, None, {}, 0.0, missed)
         alike.append(answer(plain)[2])
     assert alike[0] < 0.5 < alike[1]
 
 
 def test_without_repeats_what_is_left_speaks_for_nothing():
     logs = np.array([-400.0, -200.0, -90.0, 0.0, -20.0, -60.0])
-    missed = weigh._missed(GAP_DEG, 0.0)
-    _, unknown = weigh._weighed((), logs, missed, FLOOR_DEG, repeats=False)
+    missed = part.missed_of(GAP_DEG, 0.0)
+    _, unknown = part.weighed((), logs, missed, FLOOR_DEG, repeats=False)
     assert np.all(np.isneginf(unknown))
-    right, unknown = weigh._weighed(("creep",), logs, missed, FLOOR_DEG, repeats=False)
+    right, unknown = part.weighed(("creep",), logs, missed, FLOOR_DEG, repeats=False)
     assert right > log_prior(("creep",)) - 2.0
     # A set that leaves something may stand in for something else all the same.
-    _, repeated = weigh._weighed(("creep",), logs, missed, FLOOR_DEG)
+    _, repeated = part.weighed(("creep",), logs, missed, FLOOR_DEG)
     np.testing.assert_allclose(unknown, repeated - np.log(SETTINGS.unknown))
     assert np.isfinite(unknown).any()
 
@@ -226,9 +230,9 @@ def test_structure_that_is_too_small_is_no_gap():
     """The same evidence, of a gap of a tenth of the floor."""
     logs = np.array([0.0, 1.0, 5.0, 20.0, 25.0, 10.0])
     for gap_deg, alone in ((0.1 * FLOOR_DEG, True), (4.0 * FLOOR_DEG, False)):
-        missed = weigh._missed(gap_deg, 0.0)
-        right, unknown = weigh._weighed((), logs, missed, FLOOR_DEG)
-        plain = weigh._Part((), (), right, unknown, None, {}, 0.0, missed)
+        missed = part.missed_of(gap_deg, 0.0)
+        right, unknown = part.weighed((), logs, missed, FLOOR_DEG)
+        plain = part.Part((), (), right, unknown, None, {}, 0.0, missed)
         named, _, elsewhere = weigh._normalised([plain], FLOOR_DEG)
         assert (named[()] > 0.9) is alone
         assert (elsewhere < 0.1) is alone
@@ -269,7 +273,7 @@ def test_a_member_without_which_the_others_do_as_well_is_not_named():
 
 def test_what_moves_less_than_a_part_of_the_floor_is_none():
     least = SETTINGS.moves * FLOOR_DEG
-    assert weigh._that_move({"creep": 1.01 * least, "leak": 0.99 * least}, least) == ("creep",)
+    assert part._that_move({"creep": 1.01 * least, "leak": 0.99 * least}, least) == ("creep",)
 
 
 def test_fraction_closed_is_the_contracts():
@@ -344,7 +348,7 @@ def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
         apart = {(): 3.0, ("leak",): 3.0, ("creep",): alone_deg}.get
         worth = dict.fromkeys([("leak",), ("creep",)], 0.0).get
         sizes = 3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG
-        (one,) = weigh._parts(fit, logs, moved, apart, worth, *sizes)
+        (one,) = part.parts_of(fit, logs, moved, apart, worth, *sizes)
         return one
 
     helped, unknown_to_all = weighed(0.25), weighed(np.inf)
@@ -357,8 +361,8 @@ def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
 
 
 def test_many_ways_to_make_up_for_a_form_are_no_more_than_the_best():
-    found = part(("creep",), [0.0, -30.0, -90.0, -200.0, -300.0, -400.0])
-    rival = part(("leak",), [1.0, -30.0, -90.0, -200.0, -300.0, -400.0])
+    found = weighed(("creep",), [0.0, -30.0, -90.0, -200.0, -300.0, -400.0])
+    rival = weighed(("leak",), [1.0, -30.0, -90.0, -200.0, -300.0, -400.0])
     once, _, _ = answer(PLAIN, rival, found)
     often, _, _ = answer(PLAIN, rival, *[found] * 9)
     assert often[("creep",)] == pytest.approx(once[("creep",)])
@@ -368,9 +372,9 @@ def test_what_stands_in_is_as_probable_as_unknown_effects_however_rare_it_is():
     one, two = log_prior(("creep",)), log_prior(("creep", "leak"))
     assert log_odds(("gain_growth",)) < 0.0
     for ids in ((), ("creep",), ("gain_growth",)):
-        assert weigh._stands_in(ids) == pytest.approx(one)
+        assert part.stands_in(ids) == pytest.approx(one)
     for ids in (("creep", "leak"), ("creep", "gain_growth"), ("creep", "leak", "line_lag")):
-        assert weigh._stands_in(ids) == pytest.approx(two)
+        assert part.stands_in(ids) == pytest.approx(two)
 
 
 def test_where_either_of_two_does_as_well_either_is_named():
@@ -378,7 +382,7 @@ def test_where_either_of_two_does_as_well_either_is_named():
     logs, moved = np.array([0.0, -30.0, -90.0, -200.0, -300.0, -400.0]), {"creep": 3.0, "leak": 2.9}
     apart = {(): 3.0, ("leak",): 0.02, ("creep",): 0.01}.get
     worth = {("leak",): -4.0, ("creep",): -1.0}.get
-    parts = weigh._parts(fit, logs, moved, apart, worth, 3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
+    parts = part.parts_of(fit, logs, moved, apart, worth, 3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
     assert [p.named for p in parts] == [("creep",), ("leak",)]
     behind = log_prior(("leak",)) - log_prior(("creep",)) - 3.0 * SETTINGS.temper
     assert parts[1].right - parts[0].right == pytest.approx(behind)
@@ -398,7 +402,7 @@ def test_of_effects_that_stand_in_for_each_other_one_is_named():
     triple = ("contact_stop", "sensor_lag", "channel_latency")
 
     def enough(least_deg, least_nats=-60.0):
-        return weigh._enough(triple, apart.__getitem__, worth.__getitem__, least_deg, least_nats)
+        return part._enough(triple, apart.__getitem__, worth.__getitem__, least_deg, least_nats)
 
     assert enough(0.1) == [one, other]
     # Where the best so many do not do as well, no others do.
@@ -458,6 +462,6 @@ def test_dwells_say_nothing_beside_what_is_far_behind(behind: float, counts: boo
 
 def test_an_interference_counts_from_twice_what_another_cause_does() -> None:
     least = SETTINGS.moves * FLOOR_DEG
-    assert weigh._that_move({"creep": 1.1 * least}, least) == ("creep",)
-    assert weigh._that_move({"mains_pickup": 1.1 * least}, least) == ()
-    assert weigh._that_move({"mains_pickup": 2.1 * least}, least) == ("mains_pickup",)
+    assert part._that_move({"creep": 1.1 * least}, least) == ("creep",)
+    assert part._that_move({"mains_pickup": 1.1 * least}, least) == ()
+    assert part._that_move({"mains_pickup": 2.1 * least}, least) == ("mains_pickup",)

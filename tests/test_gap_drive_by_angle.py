@@ -14,7 +14,8 @@ from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.decide.weigh import _weighed_drive, decide_drive
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.pressure import lagged
-from spa_fo.gap.search.drive import Drive, examine_drive, joined
+from spa_fo.gap.search.drive import Drive, examine_drive
+from spa_fo.gap.search.drive_by_angle import joined
 from spa_fo.gap.search.explanations import explain
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import IDS, LIBRARY
@@ -52,10 +53,10 @@ def campaign(drive_lags: bool, lag_s: float = LAG_S) -> Evidence:
     return collect(campaign_data(own))
 
 
-def told_apart(evidence: Evidence) -> tuple[Drive, Drive]:
-    alone = examine_drive(evidence, OTHERS, X)
+def told_apart(evidence: Evidence, others: tuple[str, ...] = OTHERS) -> tuple[Drive, Drive]:
+    alone = examine_drive(evidence, others, X)
     bench = bench_for(evidence, X, own=False, pressure_kpa=alone.pressure_kpa)
-    return alone, joined(alone, explain(bench, OTHERS))
+    return alone, joined(alone, explain(bench, others))
 
 
 @pytest.mark.parametrize("drive_lags", [False, True])
@@ -83,6 +84,40 @@ def test_a_drive_that_moves_less_than_the_floor_is_the_benchs_own(of_gap, named)
     found, _, unknown = _weighed_drive(known, campaign(True), floor_deg, floor_deg, floor_deg)
     assert max(found, key=found.get) == named
     assert found[named] > 0.5 > unknown
+
+
+def drooping(t_s, command_kpa, fraction, recovery_s):
+    """Let each rise lack a fraction that comes back, by a plain loop."""
+    seen, missing = np.zeros_like(command_kpa), 0.0
+    for i in range(1, t_s.size):
+        missing *= np.exp(-(t_s[i] - t_s[i - 1]) / recovery_s)
+        missing += fraction * max(command_kpa[i] - command_kpa[i - 1], 0.0)
+        missing = min(missing, command_kpa[i])
+        seen[i] = command_kpa[i] - missing
+    return seen
+
+
+def test_a_part_of_a_pressure_counts_by_what_it_moves_the_angle_by():
+    """A quick lag misses far more kPa, for moments that an angle hardly feels."""
+    quick_s, others = 0.08, tuple(n for n in OTHERS if n != "supply_droop")
+    rng, own, missed_kpa = np.random.default_rng(5), [], []
+    for trial in trials(*[step_release(SIXTY) for _ in range(4)]):
+        late = behind(trial.t_s, trial.command_kpa, quick_s)
+        both = behind(trial.t_s, drooping(trial.t_s, trial.command_kpa, 0.03, 2.5), quick_s)
+        missed_kpa.append([np.std(late - trial.command_kpa), np.std(both - late)])
+        angle = np.degrees(simulate(trial.t_s, both / KPA, *X, hold="linear"))
+        read = both + 0.1 * rng.normal(size=both.size)
+        noisy = angle + 0.05 * rng.normal(size=angle.size)
+        own.append(replace(trial, pressure_kpa=read, angle_deg=noisy))
+    quick_kpa, slow_kpa = np.mean(missed_kpa, axis=0)
+    assert quick_kpa > 6.0 * slow_kpa
+    evidence = collect(campaign_data(own))
+    _, drive = told_apart(evidence, others)
+    least_deg = 0.1 * drive.gap_deg
+    found, fits, _ = _weighed_drive(drive, evidence, 3.0 * least_deg, least_deg, least_deg)
+    assert max(found, key=found.get) == ("line_lag", "supply_droop")
+    moved_deg = fits[("line_lag", "supply_droop")].moved_deg
+    assert moved_deg["supply_droop"] > 0.3 * moved_deg["line_lag"]
 
 
 def test_no_sensor_is_as_late_as_a_slow_line():

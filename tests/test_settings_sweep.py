@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import spa_fo.gap
-from spa_fo.gap.decide import weigh
+from spa_fo.gap.decide import part
 from spa_fo.gap.settings import SETTINGS
 
 BENCHMARKS = Path(__file__).resolve().parent.parent / "benchmarks"
@@ -24,6 +24,7 @@ CAUSE = ("cause", frozenset({frozenset({"creep"})}))
 NONE = ("no_gap", frozenset())
 READ_AFTER_ALL_IS_FITTED = {
     "causes.py",
+    "part.py",
     "weigh.py",
     "verdict.py",
     "claimed.py",
@@ -87,17 +88,17 @@ def test_another_number_is_there_before_the_modules_that_read_it() -> None:
     code = (
         "import inspect, json, one_verdict as v; s = v.load_settings();"
         "v.put(s, {'search_share': 0.5, 'single': 0.25, 'coloured_deg': 0.5});"
-        "from spa_fo.gap.decide import weigh; from spa_fo.gap.noise import coloured;"
+        "from spa_fo.gap.decide import part; from spa_fo.gap.noise import coloured;"
         "from spa_fo.gap.search import fitted; from spa_fo.gap.settings import SETTINGS;"
         "default = inspect.signature(fitted.fit).parameters['share'].default;"
-        "print(json.dumps([default, weigh._stands_in(), coloured.TYPICAL_DEG, s is SETTINGS]))"
+        "print(json.dumps([default, part.stands_in(), coloured.TYPICAL_DEG, s is SETTINGS]))"
     )
     run = subprocess.run(
         [sys.executable, "-c", code], cwd=BENCHMARKS, capture_output=True, text=True, check=True
     )
     share, stands_in, typical, same = json.loads(run.stdout)
     assert (share, typical, same) == (0.5, 0.5, True)
-    assert stands_in == pytest.approx(weigh._stands_in() + np.log(0.25 / SETTINGS.single))
+    assert stands_in == pytest.approx(part.stands_in() + np.log(0.25 / SETTINGS.single))
 
 
 def test_probabilities_are_doubled_to_a_bound(sweep: Any) -> None:

@@ -94,7 +94,7 @@ def compare_pressure(
     progress(f"explaining {fitted.takes_part.sum()} trials")
     x = _stand_in(data)
     drive = examine_drive(fitted, excluded, x.transfer_function.as_array(), known.spectrum)
-    drive = replace(drive, gap_deg=drive.gap_kpa)
+    drive = drive.by_itself()
     change = _said(evidence, held, drive, x, tuple(excluded), expected_kpa, seed)
     return Comparison(reference, data, change, None, known.law, known.common, known.unvisited, None)
 

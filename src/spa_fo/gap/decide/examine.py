@@ -19,7 +19,8 @@ from spa_fo.gap.fit.coefficients import error_of, rise_s
 from spa_fo.gap.fit.own_model import fitted_to
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.interference import NONE, fast_line, without_lines
-from spa_fo.gap.search.drive import Drive, examine_drive, joined
+from spa_fo.gap.search.drive import Drive, examine_drive
+from spa_fo.gap.search.drive_by_angle import joined
 from spa_fo.gap.search.explanations import Explanations, explain
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model

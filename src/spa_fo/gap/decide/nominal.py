@@ -80,7 +80,7 @@ def with_nominal(
 
 def _departs(drive: Drive, evidence: Evidence, held: HeldOut, expected_kpa: float) -> bool:
     """Say whether some effect is more probable than none, and closes enough on held-out trials."""
-    in_kpa = replace(drive, gap_deg=drive.gap_kpa)
+    in_kpa = drive.by_itself()
     weighed, fits, unknown = decide_drive(in_kpa, evidence, expected_kpa)
     named = {ids: p for ids, p in weighed.items() if ids}
     best = max(named, key=lambda ids: named[ids], default=())

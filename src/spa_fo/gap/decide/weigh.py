@@ -1,32 +1,23 @@
-"""From fitted explanations to probabilities, and from these to an answer, or to none.
-
-An explanation is right where it leaves a small share of the gap, and stands in for something else
-where it leaves more. With L(s) the evidence where it misses a share s,
-
-    right:    prior · max_s L(s)^T e^{-s/s_r} / Σ_s e^{-s/s_r},
-    unknown:  odds · prior of one effect, or of two · Σ_s L(s)^T / n,
-
-the first over all shares, those too small to matter counting as none; the second over those that
-matter. No gap is the plain model, or what repeats being too small to matter.
-"""
+"""From fitted explanations to probabilities, and from these to an answer, or to none."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
-from itertools import combinations, product
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
 from spa_fo.gap.data.evidence import Evidence, modelled_pressure
+from spa_fo.gap.decide.part import Part, least_of, missed_of, parts_of, stands_in, with_one_more
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.noise.interference import Line
 from spa_fo.gap.prior import log_prior
-from spa_fo.gap.search.drive import Drive, DriveFit
+from spa_fo.gap.search.drive import Drive, DriveFit, rms_of
 from spa_fo.gap.search.explanations import WORTH_WEIGHING, Explanations
 from spa_fo.gap.search.fitted import Fitted, price
 from spa_fo.gap.settings import SETTINGS
@@ -35,143 +26,17 @@ from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 
-_SHARES = np.array(SHARES)
 _LEAST_TOTAL = 1e-300
-# Times what others have to move. Learned: a hum that is no cause moved the angle by 0.52 noise
-# floors at most, one that is by 0.79 at least, on nine opened rigs.
-_OF_NOISE = 2.0
 # Floors that a drive has to move. Learned: regulators with which models were identified moved the
 # angle by 0.83 at most on an opened rig, what was put in by 1.98 at least.
 _OF_BENCH = 1.0
 _BOTH = float(np.sqrt(2.0))  # what is missed anyway and a change as large add up to this
 
 
-def _stands_in(ids: Ids = ()) -> float:
-    """How probable it is beforehand that a set stands in for one unknown effect.
-
-    One unknown effect is as probable as a known one, however rare what stands in for it is; but of
-    what may do so there are more pairs than single effects, and what two explain may be two.
-    """
-    return log_prior(tuple(LIBRARY)[: 1 if len(ids) < 2 else 2])
-
-
-def _with_one_more(ids: Ids) -> float:
-    """How probable a set is beforehand with one unknown effect beside it."""
-    so_many, one_more = (log_prior(tuple(LIBRARY)[: len(ids) + more]) for more in (0, 1))
-    return log_prior(ids) + one_more - so_many
-
-
-@dataclass(frozen=True)
-class _Part:
-    """What the angle, or the pressure, says of one explanation."""
-
-    named: Ids
-    priced: Ids  # what it costs beforehand
-    right: float
-    unknown: Floats
-    fit: Fitted | DriveFit
-    moved_deg: Mapping[str, float]
-    left_deg: float
-    missed: Floats
-
-
-def _missed(gap_deg: float, left_deg: float) -> Floats:
-    """Say how much is missed at each share, deg: at any but none no less than is left."""
-    least = np.where(_SHARES > 0.0, min(left_deg, gap_deg), 0.0)
-    return np.asarray(np.maximum(_SHARES * gap_deg, least))
-
-
-def _weighed(
-    ids: Ids, logs: Floats, missed: Floats, floor_deg: float, repeats: bool = True
-) -> tuple[float, Floats]:
-    """Weigh an explanation as right, and as standing in for something else, by share.
-
-    Without repeats what is left cannot be told from coloured noise: it speaks against no set, and
-    for no gap; but a gap that a set explains in part is there, and may as well be something else's.
-    """
-    s = SETTINGS
-    nothing = missed < (s.left if ids else s.no_gap) * floor_deg
-    small = nothing | (not repeats)
-    penalty = np.where(small, 0.0, missed / max(missed[-1], 1e-9) / s.right_share)
-    scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
-    right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
-    odds = s.unknown if repeats else 1.0  # even, where nothing tells
-    unknown = s.temper * logs + _stands_in(ids) + np.log(odds / _SHARES.size)
-    return right, np.where(nothing if ids else small, -np.inf, unknown)
-
-
-def _parts(
-    fit: Fitted | DriveFit,
-    logs: Floats,
-    moved: Mapping[str, float],
-    apart: Callable[[Ids], float],
-    worth: Callable[[Ids], float],
-    all_deg: float,
-    gap_deg: float,
-    left_deg: float,
-    floor_deg: float,
-    least_deg: float,
-    repeats: bool = True,
-) -> list[_Part]:
-    """Weigh one fit by what it is named for; none where another is worth as much without it.
-
-    `apart` says by how much the fit of some of its effects alone differs, deg: infinite where there
-    is none; `worth` what that is worth, nats. An effect is named where it moves the angle, by
-    `least_deg`, and where the others do not do as well without it, against `all_deg`, what all of
-    them do. Where several do, each has a part, as far behind the best as by itself.
-    """
-    s, ids, moving = SETTINGS, fit.ids, _that_move(moved, least_deg)
-    least = max(s.needed * floor_deg, s.of_all * all_deg)
-    parts = []
-    every = _enough(moving, apart, worth, least, float(logs.max()) - WORTH_WEIGHING)
-    for named in every if moving or not ids else []:
-        # What moves too little to be named makes up for the form of what is: it has no price
-        # beforehand, and is missed by that form.
-        priced, helped = named, 0.0 if named == ids else apart(named)
-        if not np.isfinite(helped):
-            priced, helped = ids, 0.0
-        missed = _missed(gap_deg, max(left_deg, helped))
-        behind = worth(every[0]) - worth(named) if len(every) > 1 else 0.0
-        right, unknown = _weighed(priced, logs - behind, missed, floor_deg, repeats)
-        left, its = float(missed[int(np.argmax(logs))]), {n: moved[n] for n in named}
-        parts.append(_Part(named, priced, right, unknown, fit, its, left, missed))
-    return parts
-
-
-def _enough(
-    named: Ids,
-    apart: Callable[[Ids], float],
-    worth: Callable[[Ids], float],
-    least_deg: float,
-    least_nats: float,
-) -> list[Ids]:
-    """Take the fewest of a set's effects that do as well as all of it, the best such few first.
-
-    They, and all others returned, are worth more than `least_nats` and apart by less than
-    `least_deg`.
-    """
-    for size in range(1, len(named)):
-        every = sorted(combinations(named, size), key=lambda one: (-worth(one), apart(one)))
-        if worth(every[0]) > least_nats and apart(every[0]) < least_deg:
-            return [m for m in every if worth(m) > least_nats and apart(m) < least_deg]
-    return [named]
-
-
-def _that_move(moved: Mapping[str, float], least_deg: float) -> Ids:
-    of_all = SETTINGS.of_all * max(moved.values(), default=0.0)
-    return tuple(n for n in moved if moved[n] >= max(_least_deg(n, least_deg), of_all))
-
-
-def _least_deg(name: str, least_deg: float) -> float:
-    """Say by how much an effect counts where most do from `least_deg` on, deg."""
-    # An interference is in what repeats differ by, and many a quiet bench has some.
-    return least_deg * (_OF_NOISE if LIBRARY[name].port == "line" else 1.0)
-
-
-def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
+def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
     s, bench = SETTINGS, found.bench
     repeats, weight = bench.noise.spectrum.repeats > 0, bench.evidence.grid.counts
-    parts: list[_Part] = []
+    parts: list[Part] = []
     known = [f for f in found.fits.values() if np.isfinite(f.logs).all()]
     known = [f for f in known if not set(f.ids) & set(found.excluded)]
     best = max((float(f.logs.max()) - price(f) for f in known), default=-np.inf)
@@ -190,9 +55,9 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         if not np.isfinite(f.logs).all():
             continue
         if set(ids) & set(found.excluded):
-            beyond = s.temper * float(f.logs.max()) + _stands_in()
-            nothing = _missed(0.0, 0.0)
-            parts.append(_Part(ids, ids, -np.inf, np.array([beyond]), f, {}, 0.0, nothing))
+            beyond = s.temper * float(f.logs.max()) + stands_in()
+            nothing = missed_of(0.0, 0.0)
+            parts.append(Part(ids, ids, -np.inf, np.array([beyond]), f, {}, 0.0, nothing))
             continue
         logs, own = f.logs - price(f), partial(apart, f)
         sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg, s.moves * floor_deg
@@ -202,11 +67,11 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
         structure = [(f.trend_nats, f.trend_deg)]
         if logs.max() > worth_it:
             structure.append((f.fixture_nats, f.fixture_deg))
-        for part in _parts(f, logs, f.moved_deg, own, worth, *sizes, repeats):
+        for part in parts_of(f, logs, f.moved_deg, own, worth, *sizes, repeats):
             for nats, size_deg in structure:
                 if size_deg <= s.no_gap * floor_deg:
                     continue
-                beside = s.temper * (float(logs.max()) + nats) + _with_one_more(part.priced)
+                beside = s.temper * (float(logs.max()) + nats) + with_one_more(part.priced)
                 odds = 2.0 if part.named else 1.0  # it is unknown, and it is beside something
                 beside += odds * float(np.log(s.unknown))
                 part = replace(part, unknown=np.append(part.unknown, beside))
@@ -216,29 +81,33 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[_Part]:
     return parts
 
 
-def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) -> list[_Part]:
-    gap_deg, per_kpa_deg = drive.gap_deg, drive.per_kpa_deg
+def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) -> list[Part]:
+    felt = {ids: drive.felt(evidence, f.cells_kpa) for ids, f in drive.fits.items()}
 
-    def moved(one: DriveFit, kpa: Floats) -> float:
-        return per_kpa_deg * float(np.sqrt(np.mean((one.predicted_kpa - kpa) ** 2)))
+    def moved(one: DriveFit, name: str) -> float:
+        less = one.effects.copy()
+        less[LIBRARY[name].slots] = np.nan
+        without = drive.felt(evidence, modelled_pressure(evidence, less))
+        return rms_of(evidence, felt[one.ids] - without)
 
     def apart(one: DriveFit, other: Ids) -> float:
-        known = drive.fits.get(other)
-        return float("inf") if known is None else moved(one, known.predicted_kpa)
+        return rms_of(evidence, felt[one.ids] - felt[other]) if other in felt else float("inf")
 
     def worth(ids: Ids) -> float:
         return float(drive.fits[ids].evidence.max()) if ids in drive.fits else -np.inf
 
-    def without(one: DriveFit, name: str) -> Floats:
-        less = one.effects.copy()
-        less[LIBRARY[name].slots] = np.nan
-        return evidence.grid.sampled(modelled_pressure(evidence, less))
+    def left(one: DriveFit) -> float:
+        """By how much the angle moves with what is left, as it does with what surely is."""
+        surely = evidence.grid.sampled(one.believed_kpa - one.cells_kpa)
+        angle = drive.felt(evidence, one.believed_kpa) - felt[one.ids]
+        per_kpa = rms_of(evidence, angle) / max(rms_of(evidence, surely), 1e-9)
+        return per_kpa * one.left_kpa
 
-    parts: list[_Part] = []
+    parts: list[Part] = []
     for f in drive.fits.values():
-        by_name = {name: moved(f, without(f, name)) for name in f.ids}
-        sizes = gap_deg, gap_deg, per_kpa_deg * f.left_kpa, floor_deg, least
-        parts += _parts(f, f.evidence, by_name, partial(apart, f), worth, *sizes)
+        by_name = {name: moved(f, name) for name in f.ids}
+        sizes = drive.gap_deg, drive.gap_deg, left(f), floor_deg, least
+        parts += parts_of(f, f.evidence, by_name, partial(apart, f), worth, *sizes)
     return parts
 
 
@@ -249,8 +118,8 @@ def evidence_of(found: Explanations, floor_deg: float) -> float:
 
 
 def _normalised(
-    parts: Sequence[_Part], floor_deg: float
-) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
+    parts: Sequence[Part], floor_deg: float
+) -> tuple[dict[Ids, float], dict[Ids, Part], float]:
     """Probabilities of what is named, the best part of each, and the probability of `unknown`."""
     if not parts:
         return {(): 1.0}, {}, 0.0
@@ -261,11 +130,11 @@ def _normalised(
 
 
 def _scores(
-    parts: Sequence[_Part], floor_deg: float
-) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
+    parts: Sequence[Part], floor_deg: float
+) -> tuple[dict[Ids, float], dict[Ids, Part], float]:
     """Scores of what is named, the best part of each, and the score of `unknown`: logarithms."""
     scores: dict[Ids, float] = {}
-    best: dict[Ids, _Part] = {}
+    best: dict[Ids, Part] = {}
     unknown = []
     for part in parts:
         right, stands_in = part.right, part.unknown
@@ -361,17 +230,17 @@ def decide_drive(
 
 def _weighed_drive(
     drive: Drive | None, evidence: Evidence, floor_deg: float, least_deg: float, member_deg: float
-) -> tuple[dict[Ids, float], dict[Ids, _Part], float]:
+) -> tuple[dict[Ids, float], dict[Ids, Part], float]:
     """Weigh the explanations of the pressure; a gap below `least_deg` is none."""
     parts = [] if drive is None else _of_drive(drive, evidence, floor_deg, member_deg)
     if drive is not None and drive.gap_deg < least_deg:
-        none = np.full(_SHARES.size, -np.inf)
+        none = np.full(len(SHARES), -np.inf)
         parts = [replace(part, unknown=none) for part in parts if not part.named]
     return _normalised(parts, floor_deg)
 
 
 def _scored(
-    named: Ids, probability: float, angle: _Part, drive: _Part | None, fast: Line | None
+    named: Ids, probability: float, angle: Part, drive: Part | None, fast: Line | None
 ) -> Scored:
     """Put the parts of an explanation together."""
     moved, left = dict(angle.moved_deg), angle.left_deg
@@ -392,7 +261,7 @@ def _of_line(fast: Line, floor_deg: float) -> dict[Ids, float]:
     """Probabilities that a fast interference is there, and that it is not."""
     rms = fast.amplitude_deg / float(np.sqrt(2.0))
     name = at_port("line")
-    if name is None or fast.gain <= 0.0 or rms < _least_deg(name, SETTINGS.moves * floor_deg):
+    if name is None or fast.gain <= 0.0 or rms < least_of(name, SETTINGS.moves * floor_deg):
         return {(): 1.0}
     nats = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
     there = float(expit(np.clip(nats, -50.0, 50.0)))

@@ -1,9 +1,4 @@
-"""The drive by itself: what explains the measured pressure, and the true pressure that follows.
-
-The pressure alone cannot tell a drive that lags by a few hundredths of a second from a pressure
-sensor that does; the angle can. Explanations of the pressure that come near the best are each given
-to the angle, and what the angle makes of it is added to their evidence (`joined`).
-"""
+"""The drive by itself: what explains the measured pressure, and the true pressure that follows."""
 
 from __future__ import annotations
 
@@ -15,17 +10,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from spa_fo.gap.data.evidence import Evidence, angle_chain
-from spa_fo.gap.data.searched import to_x
-from spa_fo.gap.fit.bench import SHARES, Bench, local_size, rows_of
+from spa_fo.gap.fit.bench import SHARES, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
-from spa_fo.gap.fit.minimise import HOPE
 from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, row_cells, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import PressureNoise, between_repeats, pressure_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening
-from spa_fo.gap.prior import log_prior
-from spa_fo.gap.search.explanations import Explanations
-from spa_fo.gap.search.fitted import Fitted, begun, price, settled, weighed
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, absent, beside, ordered
@@ -50,11 +40,6 @@ _BEST_STARTS = 2
 _DELAYS_S = (0.01, *(np.arange(1, 76, 2) * FINEST_STEP_S).tolist())
 QUICK_S = 0.01  # a sensor's lag that no actuator feels
 _NOTHING_DEG = 0.02  # what the drive misses, in degrees of a static actuator
-
-_NEAR = 60.0  # nats behind the best explanation of the pressure, which an angle may make up for
-_MOST = 4  # explanations of the pressure, the best among them
-_SAME = 1e-3  # of a pressure: another one that differs by less is the same
-_CARRIED = 3  # explanations of the angle that are tried with each, beside the plain model
 
 
 @dataclass(frozen=True)
@@ -83,11 +68,25 @@ class Drive:
     gap_kpa: float  # RMS of what the command misses of the true pressure
     gap_deg: float  # RMS of what that moves the given model's angle by
     wander: float = 0.0  # RMS by which repeats differ, of that of the command
+    in_kpa: bool = False  # no angle was logged: what counts is the pressure itself
 
     @property
     def per_kpa_deg(self) -> float:
         """By how much a kPa of this kind moves the angle, deg."""
         return self.gap_deg / max(self.gap_kpa, 1e-9)
+
+    def by_itself(self) -> Drive:
+        """Return the same where no angle was logged: sizes are of the pressure, kPa."""
+        return replace(self, gap_deg=self.gap_kpa, in_kpa=True)
+
+    def felt(self, evidence: Evidence, kpa: Floats) -> Floats:
+        """Give what a true pressure on the cells comes to, (n,): the given model's angle, deg.
+
+        An angle is moved by what is slow, and hardly by a spike.
+        """
+        if self.in_kpa:
+            return evidence.grid.sampled(kpa)
+        return angle_chain(evidence, self.given, kpa).run(self.given, absent())[0]
 
     @property
     def is_ordinary(self) -> bool:
@@ -131,16 +130,17 @@ def examine_drive(
         return _fit(own, starts(own, np.zeros(0), _DELAYS_S), rooms)
 
     def together(ids: Ids) -> DriveFit:
-        singles: dict[Ids, DriveFit] = {(name,): fits[(name,)] for name in ids}
-        lag = _best(singles).z[-1:]  # of the one that explains most
-        z = np.concatenate([*(fit.z[:-1] for fit in singles.values()), lag])
-        return _fit(problem(ids), [z], rooms)
+        singles = [fits[(name,)] for name in ids]
+        own = [fit.z[:-1] for fit in singles]
+        # What is late may be the sensor for the one, and the drive for the other.
+        lags = sorted({round(float(f.z[-1]), 3) for f in singles})
+        return _fit(problem(ids), [np.array([*np.concatenate(own), lag]) for lag in lags], rooms)
 
     rooms = _rooms(evidence, step)
     fits: dict[Ids, DriveFit] = {(): alone(())}
     wander = 0.0 if noise is None else _wander(evidence, noise)
     late = fits[()].z[-1] > QUICK_S  # which may be the drive's, as far as the pressure goes
-    if late or _drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
+    if late or drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
         fits |= {f.ids: f for f in each(alone, [(name,) for name in names])}
         ranked = sorted(names, key=lambda n: -float(fits[(n,)].evidence.max()))
@@ -152,7 +152,7 @@ def examine_drive(
             if beside((one,), (other,))
         ]
         fits |= {f.ids: f for f in each(together, pairs)}
-    return _drive_of(evidence, fits, x, wander)
+    return drive_of(evidence, fits, x, wander)
 
 
 def _wander(evidence: Evidence, noise: PressureNoise) -> float:
@@ -166,24 +166,22 @@ def _wander(evidence: Evidence, noise: PressureNoise) -> float:
     return float(np.sqrt(noise.gain**2 + within))
 
 
-def _drive_of(
+def drive_of(
     evidence: Evidence, fits: dict[Ids, DriveFit], x: Floats, wander: float = 0.0
 ) -> Drive:
     """Say what the best fit makes of the drive of an actuator with coefficients `x`."""
     grid, true_kpa = evidence.grid, _best(fits).believed_kpa
     assert grid.command_kpa is not None
-    driven, commanded = (
-        angle_chain(evidence, x, kpa).run(x, absent())[0] for kpa in (true_kpa, None)
-    )
-    change = (driven - commanded)[evidence.used]
-    return Drive(
-        fits=fits,
-        pressure_kpa=true_kpa,
-        given=x,
-        gap_kpa=float(np.sqrt(np.mean((true_kpa - grid.command_kpa) ** 2))),
-        gap_deg=float(np.sqrt(np.average(change**2, weights=grid.counts[evidence.used]))),
-        wander=wander,
-    )
+    gap_kpa = float(np.sqrt(np.mean((true_kpa - grid.command_kpa) ** 2)))
+    drive = Drive(fits, true_kpa, x, gap_kpa, 0.0, wander)
+    driven, commanded = (drive.felt(evidence, kpa) for kpa in (true_kpa, grid.command_kpa))
+    return replace(drive, gap_deg=rms_of(evidence, driven - commanded))
+
+
+def rms_of(evidence: Evidence, change: Floats) -> float:
+    """RMS over the rows that take part of what stands at the averaged samples."""
+    used = evidence.used
+    return float(np.sqrt(np.average(change[used] ** 2, weights=evidence.grid.counts[used])))
 
 
 def _whitening(
@@ -316,78 +314,3 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
         evidence=evidence,
         left_kpa=problem.whitening.beyond_noise(problem.remaining(linear, solution, top)),
     )
-
-
-# --- what the angle says of it -------------------------------------------------------------------
-
-
-def joined(drive: Drive, found: Explanations) -> Drive:
-    """Add to each explanation of the pressure what the angle says of it.
-
-    Parameters
-    ----------
-    drive : Drive
-        What the pressure says.
-    found : Explanations
-        Fits of the angle, driven by its best explanation.
-
-    Returns
-    -------
-    Drive
-        The same where none came near the best. Those that did not are given what the angle says of
-        the least likely.
-    """
-    ranked = sorted(drive.fits.values(), key=lambda f: -_worth(f))
-    near = [f for f in ranked if _worth(f) > _worth(ranked[0]) - _NEAR]
-    near = [f for place, f in enumerate(near) if place < _MOST or not f.ids]
-    alike = {drive.best.ids, *(one.ids for one in near if _alike(drive, one))}
-    others = {one.ids: _driven(found.bench, one) for one in near if one.ids not in alike}
-    if not others:
-        return drive
-    allowed = [f for f in found.fits.values() if f.ids and not set(f.ids) & set(found.excluded)]
-    allowed = [f for f in allowed if np.isfinite(f.logs).all()]
-    carried = [found.plain, *sorted(allowed, key=lambda f: -_value(f))[:_CARRIED]]
-    pairs = [(ids, angle) for ids in others for angle in carried]
-    rough = each(lambda p: begun(others[p[0]], p[1].ids, [p[1].z], found.plain), pairs)
-    tried = [(ids, fitted) for (ids, _), fitted in zip(pairs, rough, strict=True)]
-    tops = {own: max(_promise(f) for ids, f in tried if ids == own) for own in others}
-    tried = [(ids, f) for ids, f in tried if _promise(f) > tops[ids] - _NEAR]
-
-    def ended(bench: Bench, fitted: Fitted) -> float:
-        return _value(weighed(bench, settled(bench, fitted, found.plain)))
-
-    values = each(lambda p: ended(others[p[0]], p[1]), tried)
-    said = dict.fromkeys(alike, max(_value(angle) for angle in carried))
-    for (ids, _), value in zip(tried, values, strict=True):
-        said[ids] = max(said.get(ids, -np.inf), value)
-    top, least = max(said.values()), min(said.values())
-    fits = {
-        ids: replace(f, evidence=f.evidence + said.get(ids, least) - top)
-        for ids, f in drive.fits.items()
-    }
-    return _drive_of(found.bench.evidence, fits, drive.given, drive.wander)
-
-
-def _alike(drive: Drive, one: DriveFit) -> bool:
-    """Say whether no angle tells an explanation of the pressure from the best one."""
-    best = drive.best.cells_kpa
-    return bool(np.sum((one.cells_kpa - best) ** 2) <= _SAME**2 * np.sum(best**2))
-
-
-def _worth(fitted: DriveFit) -> float:
-    return float(fitted.evidence.max()) + log_prior(fitted.ids) / SETTINGS.temper
-
-
-def _value(fitted: Fitted) -> float:
-    return float(fitted.logs.max()) - price(fitted) + log_prior(fitted.ids) / SETTINGS.temper
-
-
-def _promise(rough: Fitted) -> float:
-    """Say what a rough fit may be worth once it has come to its end."""
-    worth = log_prior(rough.ids) / SETTINGS.temper - price(rough)
-    return rough.quick + HOPE * rough.decrement + worth
-
-
-def _driven(bench: Bench, one: DriveFit) -> Bench:
-    """Let an explanation of the pressure drive the model."""
-    return replace(bench, chain=angle_chain(bench.evidence, to_x(bench.centre), one.believed_kpa))
