@@ -251,6 +251,16 @@ def test_a_contour_serves_neighbouring_coefficients(factor: float) -> None:
     np.testing.assert_allclose(modal_step(x, level, X), expected, atol=2e-3 * x[4] / x[3])
 
 
+@given(order=st.floats(0.9, 1.95), began=st.floats(1.05, 1.95))
+@settings(max_examples=40, deadline=None)
+def test_a_fit_may_go_far_from_where_it_began(order: float, began: float) -> None:
+    """The contour of a start with a quick swing runs beside the pole of a sluggish actuator."""
+    level = np.repeat([0, 2], [100, 100])
+    x, start = (np.array([one, 0.5 * one, 0.5, 1.5, 1.5]) for one in (order, began))
+    expected = step_response(np.cumsum(STEPS_S[level]), *x)
+    np.testing.assert_allclose(modal_step(x, level, start), expected, atol=2e-3)
+
+
 @pytest.mark.parametrize("rate", [1.0, 10.0, 40.0])
 @pytest.mark.parametrize(("longest", "tolerance_deg"), [(0, 0.02), (4, 0.1)])
 def test_without_effects_it_is_the_linear_model(

@@ -21,7 +21,7 @@ from spa_fo.plant.effects.own import acting
 from spa_fo.plant.effects.sensor_slip import slipped
 from spa_fo.plant.grid import CampaignGrid
 from spa_fo.plant.grid_steps import rest_levels
-from spa_fo.plant.memory import STEPS_S, Contour, contour_for, rises
+from spa_fo.plant.memory import STEPS_S, Contour, contour_for, kept_or_chosen, rises
 from spa_fo.plant.specimen import Memory, Mounting
 from spa_fo.plant.stages import felt_angle, logged_angle, moving_pressure, true_pressure
 
@@ -80,7 +80,7 @@ class Chain:
     reference_kpa : float
         Pressure at which u = 1.
     contour : Contour
-        Of the fractional memory.
+        Of the fractional memory, for coefficients near those that it was chosen for.
     memory : Memory
         What the specimen remembers at the start.
     mounting : Mounting
@@ -177,7 +177,7 @@ class Chain:
         """Let the vented actuator come to rest under its weight; `memory` is carried on."""
         if math.isnan(effects[_GRAVITY][-1]):
             return
-        level, c = rest_levels(_HUNG_S), self.contour
+        level, c = rest_levels(_HUNG_S), kept_or_chosen(self.contour, x)
         nothing, time_s = np.zeros(level.size), np.full(level.size, self.grid.middle_s[0])
         state = memory.modes, memory.creep, memory.stops, memory.virgin
         contour = c.nodes, c.angles, c.weights, c.keep, c.gain, c.tilt
@@ -205,7 +205,7 @@ class Chain:
         rise: Floats | None = None,
     ) -> Floats:
         """Move the actuator; the memory is carried on in place."""
-        c = self.contour
+        c = kept_or_chosen(self.contour, x)
         level = self.grid.level[steps]
         usual = np.zeros(level.size) if self.usual is None else self.usual.of(x)[steps]
         angle = move(

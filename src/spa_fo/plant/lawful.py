@@ -20,7 +20,7 @@ from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.own import acting
 from spa_fo.plant.law import Law, Past
 from spa_fo.plant.law_kernel import DAMPING, MOMENT, RELAXATION, follow
-from spa_fo.plant.memory import STEPS_S, rises
+from spa_fo.plant.memory import STEPS_S, kept_or_chosen, rises
 from spa_fo.plant.specimen import Memory
 
 Floats = NDArray[np.float64]
@@ -89,7 +89,7 @@ class LawfulChain(Chain):
 
     def _followed(self, load: Floats, x: Floats, memory: Memory) -> tuple[Floats, Memory]:
         """Angle of the linear plant under the law, `memory` carried on in place."""
-        c, law = self.contour, self.law
+        c, law = kept_or_chosen(self.contour, x), self.law
         over, values = (law.knots, law.values) if law.place == "relaxation" else law.table()
         angle = follow(
             load,

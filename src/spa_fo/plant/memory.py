@@ -47,6 +47,7 @@ _HALVES = (16, 8, 4, 2, 1)  # by which it is summed
 _SMALL = 1e-3
 
 _NO_POLE = 0.75 * math.pi
+_CLEAR = 0.72  # rad, a little less than there is at worst where a contour is chosen: errs by 7e-4
 _FASTER = 40  # nodes beyond the last one, up to 6e13/s: a small order has much of its gain there
 _TURN = math.log(2e-3)  # ln of the rate about which the contour leaves the cut
 
@@ -72,12 +73,20 @@ class Contour:
 
 
 def contour_for(x: Floats) -> Contour:
-    """Choose the contour that stays clear of the pole of G with the coefficients `x`.
-
-    A fit keeps the contour it began with: on it the error varies smoothly with the coefficients.
-    """
+    """Choose the contour that stays clear of the pole of G with the coefficients `x`."""
     theta = find_pole(x[0], x[1], x[2], x[3]).imag
     return _contour(round(1.25 * math.pi - 0.5 * theta, 1) if theta > 0.0 else _NO_POLE)
+
+
+def kept_or_chosen(contour: Contour, x: Floats) -> Contour:
+    """Keep a contour while it stays clear of the pole of G with other coefficients `x`.
+
+    On one contour the error varies smoothly with the coefficients, as a fit needs it. Too near to
+    the pole's conjugate it is large, and jumps where the pole leaves the sheet.
+    """
+    theta = find_pole(x[0], x[1], x[2], x[3]).imag or math.pi
+    clear = 2.0 * math.pi - theta - contour.angles[-1]
+    return contour if clear > _CLEAR else contour_for(x)
 
 
 @lru_cache(maxsize=32)
