@@ -28,3 +28,9 @@ def definite(matrix: Numbers, right: Numbers) -> Floats:
     if status != 0:
         raise np.linalg.LinAlgError("a matrix is not positive definite")
     return np.asarray(solved)
+
+
+def is_definite(matrix: Numbers) -> bool:
+    """Say whether a symmetric matrix, (n, n), is positive definite."""
+    _, status = lapack.dpotrf(matrix, lower=1)
+    return bool(status == 0)
