@@ -13,6 +13,7 @@ from spa_fo.gap.data.hold_out import fraction_closed, hold_out
 from spa_fo.gap.decide import part, weigh
 from spa_fo.gap.decide.verdict import Scored, judge, said, stage_shares
 from spa_fo.gap.fit.bench import SHARES
+from spa_fo.gap.noise.interference import Line
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, absent, acts_like, log_odds
@@ -465,3 +466,16 @@ def test_an_interference_counts_from_twice_what_another_cause_does() -> None:
     assert part._that_move({"creep": 1.1 * least}, least) == ("creep",)
     assert part._that_move({"mains_pickup": 1.1 * least}, least) == ()
     assert part._that_move({"mains_pickup": 2.1 * least}, least) == ("mains_pickup",)
+
+
+def test_an_interference_that_the_library_lacks_is_an_unknown_cause():
+    hum = Line(20.0, 2.0, 500.0)
+    named, unknown = weigh._of_line(hum, FLOOR_DEG, ())
+    assert named[("mains_pickup",)] > 0.99
+    assert unknown == 0.0
+    assert weigh._of_line(hum, FLOOR_DEG, ("mains_pickup",)) == (
+        {(): 1.0},
+        named[("mains_pickup",)],
+    )
+    faint = Line(20.0, 0.5 * FLOOR_DEG, 500.0)
+    assert weigh._of_line(faint, FLOOR_DEG, ("mains_pickup",)) == ({(): 1.0}, 0.0)

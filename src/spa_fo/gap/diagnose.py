@@ -14,7 +14,7 @@ from spa_fo.atomic import write_text
 from spa_fo.blas import one_blas_thread
 from spa_fo.errors import BadInput
 from spa_fo.gap.answer.causes import causes_of, p_value, smallest_bic, stages, traces_of
-from spa_fo.gap.answer.findings import drive_finding, findings, misses, offers
+from spa_fo.gap.answer.findings import drive_finding, findings, line_finding, misses, offers
 from spa_fo.gap.answer.locate import shares
 from spa_fo.gap.claim.against_laws import against_laws, alone_if_rare
 from spa_fo.gap.claim.claimed import (
@@ -203,6 +203,7 @@ def diagnose(
             *law_finding(missing, examined),
             *(() if nominal is None else nominal.sentences(examined.drive is not None)),
             *drive_finding(examined.drive, everything, examined.held),
+            *line_finding(everything, examined.excluded),
             *filter(None, [noise.sentence()]),
             *dropout_finding(data),
         ),

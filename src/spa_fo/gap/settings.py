@@ -45,7 +45,7 @@ class Settings:
         6.0, "times", "assumed", "an ordinary scatter, or the fixture's error, is at most larger by"
     )
     level_alone: float = _number(
-        1.0, "nat", "assumed", "spread of ln(noise level) where nothing is repeated"
+        0.65, "nat", "learned", "spread of ln(noise level) without repeats, in drawn surroundings"
     )
     level_repeated: float = _number(
         0.5, "nat", "learned", "the same with one repeat; falls with the root of their number"

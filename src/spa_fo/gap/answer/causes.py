@@ -18,7 +18,7 @@ from spa_fo.gap.diagnosis import Cause, Traces
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
 from spa_fo.plant.effects.effect import STAGES, Effect, Stage
-from spa_fo.plant.effects.library import LIBRARY, absent, acts_like
+from spa_fo.plant.effects.library import LIBRARY, absent, acts_like, at_port
 from spa_fo.plant.grid import CampaignGrid
 
 Floats = NDArray[np.float64]
@@ -103,8 +103,9 @@ def stages(
     if fixture is not None:
         misread = float(np.mean(fixture.deviation_deg**2 - fixture.sigma_deg**2))
         sensor = min(max(misread, 0.0), rest)
-    # What nothing shows elsewhere counts as the actuator's.
-    squares = {"actuator": rest - sensor, "sensor": sensor, "acquisition": 0.0}
+    # What nothing shows elsewhere counts as the actuator's; an interference was taken off.
+    hum = everything.line_deg**2 if at_port("line") in examined.excluded else 0.0
+    squares = {"actuator": rest - sensor, "sensor": sensor, "acquisition": hum}
     if verdict.sets:
         # A part that is explained says of what is not the drive's as much as it was probable, if
         # there is a gap. What made it doubtful since does the same (a rare effect), or says nothing

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +13,7 @@ from spa_fo.gap.data.hold_out import HeldOut, judged
 from spa_fo.gap.decide.verdict import Verdict
 from spa_fo.gap.fit.pressure import MOST_LAG_S
 from spa_fo.gap.search.drive import QUICK_S, Drive
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, at_port
 
 MISSING = {
     "pressure": "measured pressure: without it drive and actuator cannot be told apart",
@@ -109,6 +110,14 @@ def drive_finding(drive: Drive | None, everything: Evidence, held: HeldOut) -> t
         f"The measured pressure by itself: {' + '.join(effects)}{late} reduces its RMS deviation "
         f"from the command{tried_on} from {before:.3g} to {after:.3g} kPa.",
     )
+
+
+def line_finding(everything: Evidence, excluded: Sequence[str]) -> tuple[str, ...]:
+    """Say that the readings hold an interference where the library lacks its cause."""
+    if at_port("line") not in excluded or everything.line_deg <= 0.0:
+        return ()
+    size = f"{everything.line_deg:.2g}°"
+    return (f"The readings hold an interference of {size} RMS, for which the library has no name.",)
 
 
 def findings(

@@ -314,24 +314,21 @@ def _in_gap(named: Ids) -> bool:
 def is_too_large(examined: Examined, plain_deg: Floats) -> bool:
     """Say whether the whole gap is larger than any that no effect would make.
 
-    By how much noise may be more than estimated goes with the repeats.
+    By how much noise may be more than estimated goes with the repeats; without any it is by how
+    much a bench may be noisier than an ordinary one.
     """
     repeats = examined.found.bench.noise.spectrum.repeats
-    if not repeats:
-        return False
     most = math.exp(float(norm.ppf(_RARELY)) * level_spread(repeats))
-    return times_expected(examined, plain_deg) > min(CLEARLY, most)
+    return times_expected(examined, plain_deg) > (min(CLEARLY, most) if repeats else most)
 
 
 def times_expected(examined: Examined, plain_deg: Floats) -> float:
     """Give the RMS of the whole gap over what is expected of it without any effect.
 
-    That is what repeats differ by, errors of the fixture's angles, and those of the given model;
-    1 where nothing is repeated, as then nobody knows what is expected.
+    That is what repeats differ by, or trials of an ordinary bench would, errors of the fixture's
+    angles, and those of the given model.
     """
     bench, everything = examined.found.bench, examined.everything
-    if not bench.noise.spectrum.repeats:
-        return 1.0
     parts = [examined.floor_deg]
     if everything.fixture is not None:
         parts += [float(bench.scales[DWELL]), bench.noise.fixture.mark_deg]

@@ -18,7 +18,7 @@ from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.coefficients import error_of, rise_s
 from spa_fo.gap.fit.own_model import fitted_to
 from spa_fo.gap.noise.bench_noise import Beyond
-from spa_fo.gap.noise.interference import NONE, fast_line, without_lines
+from spa_fo.gap.noise.interference import fast_line, without_lines
 from spa_fo.gap.search.drive import Drive, examine_drive
 from spa_fo.gap.search.drive_by_angle import joined
 from spa_fo.gap.search.explanations import Explanations, explain
@@ -84,12 +84,10 @@ def examine(
         missed_deg = everything.grid.angle_deg - plain_deg
     if held is None:
         held = hold_out(everything, rng, missed_deg)
-    fast = NONE
-    if at_port("line") not in excluded:
-        fast = fast_line(replace(everything, takes_part=~held.trials))
-        if beyond is None:  # what a reference lets expect holds its own
-            everything = without_lines(everything)
-            data = everything.data
+    fast = fast_line(replace(everything, takes_part=~held.trials))
+    if beyond is None:  # what a reference lets expect holds its own
+        everything = without_lines(everything)
+        data = everything.data
     line_deg, step_deg = everything.line_deg, everything.step_deg
     nominal = drive = pressure = expected_kpa = None
     if beyond is not None:

@@ -185,8 +185,8 @@ def decide(
         sizes = drive_floor_deg, _BOTH * drive_floor_deg, SETTINGS.moves * drive_floor_deg
     angle, of_angle, unknown_angle = _normalised(_of_angle(found, floor_deg), floor_deg)
     pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, *sizes)
-    lined = _of_line(fast, floor_deg)
-    certain = (1.0 - unknown_angle) * (1.0 - unknown_drive)
+    lined, unknown_line = _of_line(fast, floor_deg, found.excluded)
+    certain = (1.0 - unknown_angle) * (1.0 - unknown_drive) * (1.0 - unknown_line)
     # All may be beyond reckoning beside an unknown cause.
     total = max(sum(angle.values()) * sum(pressed.values()), _LEAST_TOTAL)
     joint: dict[Ids, float] = {}
@@ -198,7 +198,7 @@ def decide(
             made[named] = _scored(named, p, of_angle[a], of_drive.get(d), fast if line else None)
     scored = [replace(one, probability=joint[named]) for named, one in made.items()]
     scored.sort(key=lambda s: -s.probability)
-    share = unknown_drive / max(unknown_drive + unknown_angle, 1e-12)
+    share = unknown_drive / max(unknown_drive + unknown_angle + unknown_line, 1e-12)
     return judge(scored, 1.0 - certain, share)
 
 
@@ -257,12 +257,16 @@ def _scored(
     return Scored(named, probability, angle.fit, pressure, fast, moved, left)
 
 
-def _of_line(fast: Line, floor_deg: float) -> dict[Ids, float]:
-    """Probabilities that a fast interference is there, and that it is not."""
+def _of_line(
+    fast: Line, floor_deg: float, excluded: Sequence[str]
+) -> tuple[dict[Ids, float], float]:
+    """Probabilities that a fast interference is there and that it is not, and of an unknown one."""
     rms = fast.amplitude_deg / float(np.sqrt(2.0))
     name = at_port("line")
     if name is None or fast.gain <= 0.0 or rms < least_of(name, SETTINGS.moves * floor_deg):
-        return {(): 1.0}
+        return {(): 1.0}, 0.0
     nats = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
     there = float(expit(np.clip(nats, -50.0, 50.0)))
-    return {(): 1.0 - there, (name,): there}
+    if name in excluded:
+        return {(): 1.0}, there
+    return {(): 1.0 - there, (name,): there}, 0.0
