@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from blind import plan as planning
 from blind import writer
@@ -20,6 +21,7 @@ from blind.rigs import RIGS
 from blind.surroundings import PRIORS, RICH, describe, draw_model, draw_protocol, draw_surroundings
 from blind.writer import label_bytes, seal, write_cases
 from spa_fo.errors import BadInput
+from spa_fo.gap.settings import SETTINGS
 
 EFFECTS = ("creep", "sensor_creep", "leak", "dead_time", "parameter_shift")
 
@@ -214,3 +216,26 @@ def test_a_case_is_never_overwritten(tmp_path: Path) -> None:
     write_cases(case, tmp_path, tmp_path)
     with pytest.raises(BadInput, match="not overwritten"):
         write_cases(case, tmp_path, tmp_path)
+
+
+def test_how_much_noisier_a_bench_may_be_is_what_drawn_surroundings_say() -> None:
+    """A trial or a few without repeats and without any cause, over what an ordinary bench makes."""
+    rng, times = np.random.default_rng(0), []
+    for _ in range(4000):
+        drawn, trials, bent_deg = (
+            draw_surroundings(rng),
+            rng.integers(1, 6),
+            rng.uniform(15.0, 45.0),
+        )
+        gain, rest = (drawn["scatter"][name] for name in ("gain", "rest_deg"))
+        moved = [rest * rng.normal(size=trials), gain * bent_deg * rng.normal(size=trials)]
+        # Angles between two dwells err by part of what these do.
+        calibrated = drawn["calibration"]["kind"] != "none"
+        fixture = 0.6 * drawn["fixture"]["error_deg"] * rng.normal() if calibrated else 0.0
+        squares = drawn["noise"]["coloured_deg"] ** 2 + np.mean(np.square(moved).sum(axis=0))
+        ordinary = [2.0 * SETTINGS.coloured_deg, SETTINGS.rest_scatter_deg]
+        ordinary += [SETTINGS.scatter * bent_deg, SETTINGS.dwell_error_deg * calibrated]
+        times.append(np.sqrt(squares + fixture**2) / np.linalg.norm(ordinary))
+    assert np.std(np.log(times)) == pytest.approx(SETTINGS.level_alone, abs=0.05)
+    most = np.exp(norm.ppf(0.99) * SETTINGS.level_alone)
+    assert np.mean(np.array(times) > most) == pytest.approx(0.01, abs=0.01)
