@@ -16,7 +16,7 @@ from spa_fo.gap.decide.verdict import Verdict, with_unknown
 from spa_fo.gap.decide.weigh import decide, evidence_of
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.coefficients import error_of, rise_s
-from spa_fo.gap.fit.own_model import fitted_to
+from spa_fo.gap.fit.own_model import bent_odds, is_own, still_taken
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.interference import fast_line, without_lines
 from spa_fo.gap.search.drive import Drive, examine_drive
@@ -107,8 +107,10 @@ def examine(
     if evidence.has_pressure and drive is None:
         drive = examine_drive(evidence, excluded, given, pressure)
     own = plain.campaign == campaign.name and _IDENTIFIED in plain.extra
+    taken = 1.0
     if beyond is None and not own:
-        own = fitted_to(everything, given)
+        taken = still_taken(everything, given)
+        own = is_own(taken)
     # What a model misses of its reference is expected beside it already.
     error_deg = error_of(plain) if beyond is None else 0.0
 
@@ -147,7 +149,10 @@ def examine(
     ):
         progress("once more, as if the model had been fitted to this campaign")
         again, its_drive = explained(own=True)
-        bent = _bent_odds(found, again, floor)
+        bent = bent_odds(taken) * _better(again, found, floor)
+        if _has_shift_beside(verdict):
+            # It costs so much as it mostly makes up for a bent model, which is the other way here.
+            bent *= SETTINGS.shift_beside
         said = decide(again, its_drive, fast, evidence, floor, drive_floor)
         # A model that was fitted to a campaign without any cause would not miss it.
         if bent > 1.0 and said.kind != "no_gap":
@@ -172,11 +177,17 @@ def _may_be_bent(verdict: Verdict, drive: Drive | None) -> bool:
     return verdict.kind == "unknown" or any(map(makes_up, verdict.sets))
 
 
-def _bent_odds(known: Explanations, own: Explanations, floor_deg: float) -> float:
-    """Say how probable it is that the model was fitted to this campaign, against any other.
+def _has_shift_beside(verdict: Verdict) -> bool:
+    """Say whether the most probable answer names a shift of the parameters beside something."""
+    again, first = at_port("coefficients"), verdict.sets[:1]
+    return bool(first) and again in first[0] and len(first[0]) > 1
 
-    Beforehand nobody knows whose fit it was: either is as probable. What the model tells is among
-    the rows of the one, and comes to the other as if any usual actuator had been identified.
+
+def _better(own: Explanations, known: Explanations, floor_deg: float) -> float:
+    """Say by how many times better a model of this campaign's own explains it than any other.
+
+    What the model tells is among the rows of the one, and comes to the other as if any usual
+    actuator had been identified.
     """
     bench = known.bench
     told = SETTINGS.temper * bench.coefficients.untempered().log_evidence(bench.centre)

@@ -24,9 +24,25 @@ but one of 222 campaigns whose model was another's.
 """
 
 
-def fitted_to(evidence: Evidence, x: Floats) -> bool:
-    """Say whether coefficients, (5,), are those of least squares on this campaign."""
-    return still_taken(evidence, x) < _TAKEN
+_BENT = 0.1
+"""Odds beforehand that a model of this campaign's name was fitted to a part of it.
+
+Learned: 35 of 672 models of four other hands were, all of one hand; doubled, as hands count too.
+"""
+
+
+def is_own(taken: float) -> bool:
+    """Say whether coefficients that could still take this share are those of least squares."""
+    return taken < _TAKEN
+
+
+def bent_odds(taken: float) -> float:
+    """Give the odds that a model was fitted to part of a campaign, by what it could still take.
+
+    Learned: of 297 fits to a trial, an experiment or half the experiments of 101 opened campaigns
+    the share has nearly the density 2(1 - t), as given their models had nearly 2t.
+    """
+    return _BENT * (1.0 - taken) / max(taken, _TAKEN)
 
 
 def still_taken(evidence: Evidence, x: Floats) -> float:
