@@ -137,14 +137,14 @@ def _scores(
     best: dict[Ids, Part] = {}
     unknown = []
     for part in parts:
-        right, stands_in = part.right, part.unknown
+        right, otherwise = part.right, part.unknown
         if not part.named:
             # What repeats may be too small to be a gap.
-            small = np.zeros(stands_in.size, dtype=bool)
+            small = np.zeros(otherwise.size, dtype=bool)
             small[: part.missed.size] = part.missed < SETTINGS.no_gap * floor_deg
-            right = float(logsumexp([right, *stands_in[small]]))
-            stands_in = np.where(small, -np.inf, stands_in)
-        unknown.append(float(logsumexp(stands_in)))
+            right = float(logsumexp([right, *otherwise[small]]))
+            otherwise = np.where(small, -np.inf, otherwise)
+        unknown.append(float(logsumexp(otherwise)))
         if not np.isfinite(right):
             continue  # the library lacks it
         # Of what makes up for its form the best is enough, too.
