@@ -238,4 +238,4 @@ def test_how_much_noisier_a_bench_may_be_is_what_drawn_surroundings_say() -> Non
         times.append(np.sqrt(squares + fixture**2) / np.linalg.norm(ordinary))
     assert np.std(np.log(times)) == pytest.approx(SETTINGS.level_alone, abs=0.05)
     most = np.exp(norm.ppf(0.99) * SETTINGS.level_alone)
-    assert np.mean(np.array(times) > most) == pytest.approx(0.01, abs=0.01)
+    assert 0.003 < np.mean(np.array(times) > most) < 0.02

@@ -18,7 +18,7 @@ from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.coefficients import error_of, rise_s
 from spa_fo.gap.fit.own_model import bent_odds, is_own, still_taken
 from spa_fo.gap.noise.bench_noise import Beyond
-from spa_fo.gap.noise.interference import fast_line, without_lines
+from spa_fo.gap.noise.interference import NONE, fast_line, without_lines
 from spa_fo.gap.search.drive import Drive, examine_drive
 from spa_fo.gap.search.drive_by_angle import joined
 from spa_fo.gap.search.explanations import Explanations, explain
@@ -84,8 +84,11 @@ def examine(
         missed_deg = everything.grid.angle_deg - plain_deg
     if held is None:
         held = hold_out(everything, rng, missed_deg)
-    fast = fast_line(replace(everything, takes_part=~held.trials))
-    if beyond is None:  # what a reference lets expect holds its own
+    fast = NONE
+    # What a reference lets expect holds its own interference.
+    if beyond is None or at_port("line") not in excluded:
+        fast = fast_line(replace(everything, takes_part=~held.trials))
+    if beyond is None:
         everything = without_lines(everything)
         data = everything.data
     line_deg, step_deg = everything.line_deg, everything.step_deg
@@ -150,7 +153,7 @@ def examine(
         progress("once more, as if the model had been fitted to this campaign")
         again, its_drive = explained(own=True)
         bent = bent_odds(taken) * _better(again, found, floor)
-        if _has_shift_beside(verdict):
+        if any(map(_shifts_beside, verdict.sets[:1])):
             # It costs so much as it mostly makes up for a bent model, which is the other way here.
             bent *= SETTINGS.shift_beside
         said = decide(again, its_drive, fast, evidence, floor, drive_floor)
@@ -168,19 +171,17 @@ def _may_be_bent(verdict: Verdict, drive: Drive | None) -> bool:
     Then its own coefficients, or something else beside the cause, make up for that, or nothing
     explains what is left. What the pressure tells of the drive it tells whatever the model is.
     """
-    again = at_port("coefficients")
 
     def makes_up(ids: Ids) -> bool:
         others = [n for n in ids if drive is None or LIBRARY[n].stage != "drive"]
-        return len(others) > 1 or (again in ids and len(ids) > 1)
+        return len(others) > 1 or _shifts_beside(ids)
 
     return verdict.kind == "unknown" or any(map(makes_up, verdict.sets))
 
 
-def _has_shift_beside(verdict: Verdict) -> bool:
-    """Say whether the most probable answer names a shift of the parameters beside something."""
-    again, first = at_port("coefficients"), verdict.sets[:1]
-    return bool(first) and again in first[0] and len(first[0]) > 1
+def _shifts_beside(ids: Ids) -> bool:
+    """Say whether a set holds a shift of the parameters beside something."""
+    return at_port("coefficients") in ids and len(ids) > 1
 
 
 def _better(own: Explanations, known: Explanations, floor_deg: float) -> float:

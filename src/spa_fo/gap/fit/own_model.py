@@ -27,7 +27,8 @@ but one of 222 campaigns whose model was another's.
 _BENT = 0.1
 """Odds beforehand that a model of this campaign's name was fitted to a part of it.
 
-Learned: 35 of 672 models of four other hands were, all of one hand; doubled, as hands count too.
+Learned in part: 35 of 672 models of four other hands were, all of one hand. That is 0.05 by models
+and 0.25 by hands; in between it is assumed.
 """
 
 
