@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from spa_fo.report.causes import likelihood
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -57,12 +59,23 @@ def test_the_regulators_lag_is_found(soft_arm: dict[str, Any]) -> None:
     filling = re.findall(r"filling_s ([\d.e-]+\d)", finding)
     through = (1.0 - 0.37**0.5) * (162.0 / 10.0) ** 0.5 * sum(map(float, filling))
     assert 0.3 < sum(map(float, late)) + through < 0.9
-    assert soft_arm["where"]["stage"]["drive"] > 0.2
+    # A tenth of the gap is the drive's at least; most is a gain that grows with the pressure.
+    assert 0.1 < soft_arm["where"]["stage"]["drive"] < soft_arm["where"]["stage"]["actuator"]
 
 
 def test_no_sure_name_where_the_gain_grows_with_the_pressure(soft_arm: dict[str, Any]) -> None:
-    """Nothing in the library makes a gain double, so no single cause may be sure of itself."""
-    assert soft_arm["verdict"]["kind"] in ("unknown", "ambiguous")
+    """The gain doubles from 5 to 25 psi: of the library a softening alone comes near to that.
+
+    An answer says that it does not know, or has the softening in it and is not sure of itself.
+    """
+    verdict = soft_arm["verdict"]
+    if verdict["kind"] == "cause":
+        (named,) = verdict["sets"]
+        (found,) = [one for one in soft_arm["causes"] if one["set"] == named]
+        assert "stiffening" in named
+        assert likelihood(found["probability"]) == "about as likely as not"
+    else:
+        assert verdict["kind"] in ("unknown", "ambiguous")
 
 
 def test_a_stage_that_is_not_known_is_said_so(real_data: Any) -> None:
