@@ -955,6 +955,21 @@ def test_a_weight_that_bends_at_rest_shifts_what_is_linear() -> None:
     np.testing.assert_allclose(bent - plain, math.degrees(0.06), rtol=0.02)
 
 
+@pytest.mark.parametrize("sensor", [{}, {"per_decade": 0.06, "typical_s": 6.0, "decades": 0.8}])
+def test_a_weight_shows_from_the_first_sample_of_the_first_trial(sensor: dict[str, float]) -> None:
+    grid = campaign_grid(trials(step_release(), step_release()))
+    hanging = vector("gravity_load", along_rest=-0.1, across_rest=-0.1, at_rest=-0.1)
+    if sensor:
+        film = LIBRARY["sensor_creep"].slots
+        hanging[film] = vector("sensor_creep", **sensor)[film]
+    chain = chain_for(grid, X, KPA)
+    reading, _ = chain.readings(X, hanging)
+    at_rest = (grid.sample_trial == 0) & (grid.time_s < 0.3)
+    logged = chain.observed(reading, hanging)[at_rest]
+    assert logged[0] < -5.0
+    np.testing.assert_allclose(logged, logged[-1], rtol=0.01)
+
+
 def test_a_pressure_that_stands_in_the_rests_is_that_of_the_drive() -> None:
     # A pump with play never vents the actuator: what moves it is the same, told or computed.
     grid = campaign_grid(trials(step_release(), step_release(), step_release()), longest=0)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from spa_fo.plant.effects.actuator import move
 from spa_fo.plant.effects.channel_latency import read_earlier, smeared
 from spa_fo.plant.effects.drive_backlash import resting_kpa
+from spa_fo.plant.effects.gravity_load import hanging_rad
 from spa_fo.plant.effects.hysteresis import STOPS
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.own import acting
@@ -174,14 +175,15 @@ class Chain:
         return angle, replace(memory, ends_s=self.grid.ends_s)
 
     def _hang(self, x: Floats, effects: Floats, memory: Memory) -> None:
-        """Let the vented actuator come to rest under its weight; `memory` is carried on."""
+        """Let vented actuator and sensor come to rest under a weight; `memory` is carried on."""
         if math.isnan(effects[_GRAVITY][-1]):
             return
         level, c = rest_levels(_HUNG_S), kept_or_chosen(self.contour, x)
         nothing, time_s = np.zeros(level.size), np.full(level.size, self.grid.middle_s[0])
         state = memory.modes, memory.creep, memory.stops, memory.virgin
         contour = c.nodes, c.angles, c.weights, c.keep, c.gain, c.tilt
-        move(nothing, nothing, nothing, level, level, time_s, x, effects, *contour, *state)
+        hung = move(nothing, nothing, nothing, level, level, time_s, x, effects, *contour, *state)
+        self.read(np.degrees(hung), effects, memory.film, level)
 
     def _pushed(
         self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
@@ -297,10 +299,7 @@ class Chain:
             into the grid's.
         """
         grid = self.grid
-        # A film may read other than 0 at rest, and an actuator rest elsewhere.
-        rest = np.full(1, 0.0 if self.usual is None else self.usual.begins_deg)
-        at_rest = self.read(rest, effects, self.memory.film.copy(), grid.level[:1])
-        before = np.concatenate([at_rest, reading[:-1]])
+        before = np.concatenate([self._read_at_rest(effects), reading[:-1]])
         delays = log_delays(effects)
         if delays is None:
             y = (1.0 - share) * before[step] + share * reading[step]
@@ -316,6 +315,19 @@ class Chain:
             at_s = grid.middle_s[step] + (share - 0.5) * STEPS_S[grid.level[step]]
             y = logged_angle(y, at_s - starts_s[trial], trial, effects)
         return np.asarray(y)
+
+    def _read_at_rest(self, effects: Floats) -> Floats:
+        """Give what a specimen reads before its first step, (1,), deg.
+
+        A film may read other than 0 at rest, and an actuator rest elsewhere.
+        """
+        usual = 0.0 if self.usual is None else self.usual.begins_deg
+        level, rest = self.grid.level[:1], np.full(1, usual)
+        along, across, at_rest = effects[_GRAVITY]
+        if math.isnan(self.memory.ends_s) and not (math.isnan(at_rest) or at_rest == 0.0):
+            level = rest_levels(_HUNG_S)
+            rest = np.full(level.size, math.degrees(hanging_rad(along, across, at_rest)))
+        return self.read(rest, effects, self.memory.film.copy(), level)[-1:]
 
 
 def log_delays(effects: Floats) -> Floats | None:
