@@ -72,7 +72,12 @@ SIZES: dict[str, dict[str, float]] = {
         "wider": -0.2,
     },
     "sensor_saturation": {"ceiling_deg": 50.0, "knee_deg": 3.0},
-    "sensor_lag": {"time_constant_s": 0.3, "second_pole": 0.3, "tail_share": 0.2},
+    "sensor_lag": {
+        "time_constant_s": 0.3,
+        "second_pole": 0.3,
+        "tail_share": 0.2,
+        "return_excess": 0.5,
+    },
     "sensor_creep": {"per_decade": 0.06, "typical_s": 6.0, "decades": 0.8},
     "sensor_hysteresis": {"width_deg": 3.0, "turn_deg": 4.0, "exponent": 0.6, "begins": 0.3},
     "sensor_slip": {"walk_deg": 0.4, "zero_deg": -1.0},

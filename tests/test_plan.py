@@ -317,8 +317,9 @@ def planned(truth: str, other: str, tapped: bool = False) -> Any:
     blocks = "mullins_softening" in (truth, other)
     levels = (55.0, 55.0, 27.0, 27.0) if blocks else (27.0, 55.0, 27.0, 55.0)
     where = bench(*map(up_step, levels), tapped=tapped)
-    true = one(truth, line_lag={"venting_excess": 0.0})  # a linear filter, as a sensor's is
-    return plan([true, fitted(one(other), true, where)], where, FLOOR_DEG)
+    linear = {"line_lag": {"venting_excess": 0.0}, "sensor_lag": {"return_excess": 0.0}}
+    true, rival = one(truth, **linear), one(other, **linear)
+    return plan([true, fitted(rival, true, where)], where, FLOOR_DEG)
 
 
 @pytest.mark.parametrize(

@@ -489,7 +489,7 @@ def low_passed(angle: np.ndarray, p: dict[str, float]) -> np.ndarray:
     fine = np.interp(
         np.arange(1, CELL * angle.size + 1) / CELL, np.arange(angle.size + 1), [0.0, *angle]
     )
-    return naive.lag(fine, **p)[CELL - 1 :: CELL]
+    return naive.lag(fine, *p.values())[CELL - 1 :: CELL]
 
 
 def curve_of(p: dict[str, float]) -> tuple[np.ndarray, list[float]]:

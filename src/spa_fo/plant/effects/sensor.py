@@ -60,12 +60,12 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
         size = creep_sizes(e[SENSOR_CREEP], e[SENSOR_CREEP + 1], e[SENSOR_CREEP + 2])
         drift_on(y, level, size, film[4 : 4 + size.size])
     if not math.isnan(e[SENSOR_LAG]):
-        share = e[SENSOR_LAG + 2]
+        share, excess = e[SENSOR_LAG + 2], e[SENSOR_LAG + 3]
         slow, fast, latest = poles(e[SENSOR_LAG], e[SENSOR_LAG + 1], share)
         tail = y.copy()
-        follow(tail, level, latest, film[4 + CREEP_TIMES_S.size :])
-        follow(y, level, slow, film[2:3])
-        follow(y, level, fast, film[3:4])
+        follow(tail, level, latest, excess, film[4 + CREEP_TIMES_S.size :])
+        follow(y, level, slow, excess, film[2:3])
+        follow(y, level, fast, excess, film[3:4])
         for i in range(y.size):
             y[i] += share * (tail[i] - y[i])
     if not math.isnan(e[SENSOR_SATURATION]):

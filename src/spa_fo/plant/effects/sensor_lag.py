@@ -5,14 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Check, Effect
+from spa_fo.plant.effects.effect import Check, Effect, Parameter
 from spa_fo.plant.effects.shared import Floats, Integers, lag
 from spa_fo.plant.memory import STEPS_S
 
 EFFECT = Effect(
     id="sensor_lag",
     stage="sensor",
-    parameters=lag(),
+    parameters=(
+        *lag(),
+        Parameter(
+            *("return_excess", "1", 0.0, 0.25, -0.7, 3.0),
+            starts=(0.0,),
+            means="by how much longer a fall of the reading takes than a rise, as a part of that",
+            is_addition=True,
+        ),
+    ),
     name="lag of the sensor",
     means="the reading follows the angle as through a low-pass",
     remedy="take filtering out of the sensor's circuit; check against a video of one step",
@@ -28,16 +36,21 @@ EFFECT = Effect(
 
 
 @njit
-def follow(y: Floats, level: Integers, time_constant: float, state: Floats) -> None:
-    """First-order lag of an input that runs straight within a step; the first value is at rest."""
+def follow(y: Floats, level: Integers, time_constant: float, excess: float, state: Floats) -> None:
+    """First-order lag of an input that runs straight within a step; the first value is at rest.
+
+    A fall takes longer than a rise by `excess`, as a part of that.
+    """
     if time_constant <= 0.0:
         return
     now = state[0]
     before = now if y.size == 0 else y[0]
-    x = STEPS_S / time_constant
+    rise, fall = STEPS_S / time_constant, STEPS_S / (time_constant * (1.0 + excess))
+    x = np.stack((rise, fall))
     keeps, means = np.exp(-x), -np.expm1(-x) / x
     for i in range(y.size):
-        keep, mean = keeps[level[i]], means[level[i]]
+        falls = 1 if 0.5 * (before + y[i]) < now else 0
+        keep, mean = keeps[falls, level[i]], means[falls, level[i]]
         now = keep * now + (1.0 - mean) * y[i] + (mean - keep) * before
         before = y[i]
         y[i] = now
