@@ -149,8 +149,8 @@ def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(
     evidence: Evidence, others: tuple[str, ...]
 ) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_lag", *others))
-    loop = {"width_deg": 0.0, "turn_deg": 3.0, "exponent": 0.8, "begins": 0.0}  # none
-    z = point(problem, time_constant_s=0.4, second_pole=0.2, tail_share=0.0, **loop)
+    none = {"return_excess": 0.0, "width_deg": 0.0, "turn_deg": 3.0, "exponent": 0.8, "begins": 0.0}
+    z = point(problem, time_constant_s=0.4, second_pole=0.2, tail_share=0.0, **none)
     n, rows = problem.rows.size, problem.further[0]
     column = problem.columns(z)[:, problem.arrived]
     _, fixture = problem.predict(z)
