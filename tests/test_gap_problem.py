@@ -20,6 +20,7 @@ from spa_fo.gap.data.evidence import (
     with_usual,
 )
 from spa_fo.gap.data.fixture import fixture_of
+from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.data.sensor_curve import curve_columns, curve_sigma
 from spa_fo.gap.fit.bench import DWELL, Bench, _times_foreseen, bench_for, rows_of
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated, what_came_before
@@ -142,6 +143,17 @@ def test_a_wrong_mark_is_in_both_ways_alike(evidence: Evidence) -> None:
         both = columns[:n, own].sum(axis=1)
         np.testing.assert_allclose(columns[:n, mark], both, atol=1e-12)
         assert not columns[n:, mark].any()
+
+
+def test_a_weight_hangs_in_a_fit_as_in_a_prediction(evidence: Evidence) -> None:
+    problem = AngleProblem(bench_of(evidence), ("gravity_load", "sensor_creep"))
+    weight = {"along_rest": -0.1, "across_rest": -0.1, "at_rest": -0.1}
+    z = point(problem, **weight, per_decade=0.1, typical_s=6.0, decades=0.8)
+    e = problem.effects(z)
+    chain = problem.chain.mounted(problem.in_fixture(e)[1])
+    predicted, _ = chain.run(to_x(z[:5]), e)
+    np.testing.assert_allclose(problem.predict(z)[0], predicted, atol=1e-9)
+    assert predicted[0] < -4.0
 
 
 @pytest.mark.parametrize("others", [(), ("sensor_hysteresis",)])

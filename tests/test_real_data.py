@@ -59,7 +59,7 @@ def test_the_regulators_lag_is_found(soft_arm: dict[str, Any]) -> None:
     filling = re.findall(r"filling_s ([\d.e-]+\d)", finding)
     through = (1.0 - 0.37**0.5) * (162.0 / 10.0) ** 0.5 * sum(map(float, filling))
     assert 0.3 < sum(map(float, late)) + through < 0.9
-    # A tenth of the gap is the drive's at least; most is a gain that grows with the pressure.
+    # The lag is no trifle, of a tenth of the gap at least (assumed); the growing gain is more.
     assert 0.1 < soft_arm["where"]["stage"]["drive"] < soft_arm["where"]["stage"]["actuator"]
 
 

@@ -209,6 +209,7 @@ def _run(model: Model, trials: Sequence[Trial], memory: Memory, source: Source) 
     law = law_in(model, source)
     if law is not None:
         chain = with_law(chain, law)
+    chain = chain.hung(x, effects)
     try:
         reading, after = chain.readings(x, effects)
     except TooSteep as error:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from spa_fo.plant.effects.actuator import move
 from spa_fo.plant.effects.channel_latency import read_earlier, smeared
 from spa_fo.plant.effects.drive_backlash import resting_kpa
-from spa_fo.plant.effects.gravity_load import hanging_rad
 from spa_fo.plant.effects.hysteresis import STOPS
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.own import acting
@@ -105,10 +104,33 @@ class Chain:
 
     def mounted(self, mounting: Mounting) -> Chain:
         """Return the chain with a sensor that comes from this calibration."""
-        mounted = replace(self, mounting=mounting, memory=replace(self.memory, film=mounting.film))
-        if self.is_pressure:
-            mounted.__dict__["_known_load"] = self._known_load
-        return mounted
+        return self._of(replace(self.memory, film=mounting.film), mounting)
+
+    def hung(self, x: Floats, effects: Floats) -> Chain:
+        """Return the chain with a specimen without a past at rest under a weight, if there is one.
+
+        Actuator and sensor have come to rest before the first log begins.
+        """
+        at_rest, memory = effects[_GRAVITY][-1], self.memory
+        rests = memory.rests_deg != 0.0 or not math.isnan(memory.ends_s)
+        if rests or math.isnan(at_rest) or at_rest == 0.0:
+            return self
+        level, c, memory = rest_levels(_HUNG_S), kept_or_chosen(self.contour, x), memory.copy()
+        nothing, time_s = np.zeros(level.size), np.full(level.size, self.grid.middle_s[0])
+        state = memory.modes, memory.creep, memory.stops, memory.virgin
+        contour = c.nodes, c.angles, c.weights, c.keep, c.gain, c.tilt
+        angle_deg = np.degrees(
+            move(nothing, nothing, nothing, level, level, time_s, x, effects, *contour, *state)
+        )
+        self.read(angle_deg, effects, memory.film, level)
+        return self._of(replace(memory, rests_deg=float(angle_deg[-1])), self.mounting)
+
+    def _of(self, memory: Memory, mounting: Mounting) -> Chain:
+        """Return the chain of another specimen, driven alike: what is known of the load stays."""
+        made = replace(self, memory=memory, mounting=mounting)
+        known = "_known_load" if self.is_pressure else "_loads"
+        made.__dict__[known] = getattr(self, known)
+        return made
 
     def pressure(self, effects: Floats, play: Floats) -> Floats:
         """Give the true pressure on the cells, kPa."""
@@ -133,8 +155,9 @@ class Chain:
         memory : Memory
             At the end of the last trial.
         """
-        reading, memory = self.readings(x, effects)
-        return self.observed(reading, effects), memory
+        chain = self.hung(x, effects)
+        reading, memory = chain.readings(x, effects)
+        return chain.observed(reading, effects), memory
 
     def readings(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials; the reading (deg) at the end of each step."""
@@ -143,7 +166,7 @@ class Chain:
 
     def angles(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials; the true angle (deg) at the end of each step, the film untouched."""
-        memory = self.memory.copy()
+        memory = self.hung(x, effects).memory.copy()
         return self._moved(self._load(effects, memory.play_kpa), x, effects, memory)
 
     def _moved(
@@ -165,25 +188,12 @@ class Chain:
             load[self.grid.cells[steps] == 0] = (
                 resting_kpa(width, centre, kept, vented) / self.reference_kpa
             )
-        if math.isnan(memory.ends_s) and effects[_GRAVITY][-1] != 0.0:
-            self._hang(x, effects, memory)
         if held is not None:
             load = load + held
         if any(acting(effects, "actuator")):
             load, rise = self._pushed(load, x, effects, memory, steps), None
         angle = self._move(load, x, effects, memory, steps, rise)
-        return angle, replace(memory, ends_s=self.grid.ends_s)
-
-    def _hang(self, x: Floats, effects: Floats, memory: Memory) -> None:
-        """Let vented actuator and sensor come to rest under a weight; `memory` is carried on."""
-        if math.isnan(effects[_GRAVITY][-1]):
-            return
-        level, c = rest_levels(_HUNG_S), kept_or_chosen(self.contour, x)
-        nothing, time_s = np.zeros(level.size), np.full(level.size, self.grid.middle_s[0])
-        state = memory.modes, memory.creep, memory.stops, memory.virgin
-        contour = c.nodes, c.angles, c.weights, c.keep, c.gain, c.tilt
-        hung = move(nothing, nothing, nothing, level, level, time_s, x, effects, *contour, *state)
-        self.read(np.degrees(hung), effects, memory.film, level)
+        return angle, replace(memory, ends_s=self.grid.ends_s, rests_deg=0.0)
 
     def _pushed(
         self, load: Floats, x: Floats, effects: Floats, memory: Memory, steps: slice
@@ -288,6 +298,8 @@ class Chain:
     ) -> Floats:
         """Take the reading at any samples; the log's delay and the slip act here.
 
+        A specimen that hangs under a weight has to hang in this chain, too (`hung`).
+
         Parameters
         ----------
         reading : (steps,) array
@@ -299,7 +311,11 @@ class Chain:
             into the grid's.
         """
         grid = self.grid
-        before = np.concatenate([self._read_at_rest(effects), reading[:-1]])
+        # A film may read other than 0 at rest, and an actuator rest elsewhere.
+        usual = 0.0 if self.usual is None else self.usual.begins_deg
+        rest = np.full(1, usual + self.memory.rests_deg)
+        at_rest = self.read(rest, effects, self.memory.film.copy(), grid.level[:1])
+        before = np.concatenate([at_rest, reading[:-1]])
         delays = log_delays(effects)
         if delays is None:
             y = (1.0 - share) * before[step] + share * reading[step]
@@ -315,19 +331,6 @@ class Chain:
             at_s = grid.middle_s[step] + (share - 0.5) * STEPS_S[grid.level[step]]
             y = logged_angle(y, at_s - starts_s[trial], trial, effects)
         return np.asarray(y)
-
-    def _read_at_rest(self, effects: Floats) -> Floats:
-        """Give what a specimen reads before its first step, (1,), deg.
-
-        A film may read other than 0 at rest, and an actuator rest elsewhere.
-        """
-        usual = 0.0 if self.usual is None else self.usual.begins_deg
-        level, rest = self.grid.level[:1], np.full(1, usual)
-        along, across, at_rest = effects[_GRAVITY]
-        if math.isnan(self.memory.ends_s) and not (math.isnan(at_rest) or at_rest == 0.0):
-            level = rest_levels(_HUNG_S)
-            rest = np.full(level.size, math.degrees(hanging_rad(along, across, at_rest)))
-        return self.read(rest, effects, self.memory.film.copy(), level)[-1:]
 
 
 def log_delays(effects: Floats) -> Floats | None:

@@ -66,7 +66,7 @@ class LawfulChain(Chain):
         TooSteep
             The law is so steep that no motion agrees with it.
         """
-        memory = self.memory.copy()
+        memory = self.hung(x, effects).memory.copy()
         load = self._load(effects, memory.play_kpa)
         load = load + self._of_input(load * self.reference_kpa) / self.reference_kpa
         if not self.law.follows_motion:

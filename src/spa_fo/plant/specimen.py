@@ -42,6 +42,8 @@ class Memory:
         Position of a pump with play.
     ends_s : float
         Campaign time it holds for; NaN for a virgin specimen.
+    rests_deg : float
+        Angle at which a virgin specimen rests before its first log.
     """
 
     modes: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(MODES, complex))
@@ -51,6 +53,7 @@ class Memory:
     film: Floats = field(default_factory=lambda: np.zeros(FILM))
     play_kpa: Floats = field(default_factory=lambda: np.zeros(2))
     ends_s: float = math.nan
+    rests_deg: float = 0.0
 
     def copy(self) -> Memory:
         """Return one whose arrays may change."""

@@ -323,7 +323,7 @@ class AngleProblem(Explained):
     def _predicted(self, z: Floats) -> tuple[Floats, Floats]:
         e = self.effects(z)
         deviation, mounting = self.in_fixture(e)
-        chain, angle = self.chain.mounted(mounting), self._angle(z)
+        chain, angle = self.chain.mounted(mounting).hung(to_x(z), e), self._angle(z)
         return chain.observed(chain.read(angle, e, chain.memory.film.copy()), e), deviation
 
     def _angle(self, z: Floats) -> Floats:

@@ -120,8 +120,9 @@ def bases(bench: Bench, base: Fitted) -> list[Basis]:
     trial = np.searchsorted(grid.step_starts[1:], np.arange(grid.level.size), side="right")
     used = (grid.cells > 0) & bench.evidence.takes_part[trial]
     step_s = np.asarray(STEPS_S[grid.level], dtype=np.float64)
+    chain = chain.hung(base.x, base.effects)
     angle, memory = chain.angles(base.x, base.effects)
-    before = np.concatenate([[0.0], angle[:-1]])
+    before = np.concatenate([[chain.memory.rests_deg], angle[:-1]])
     cells = chain.pressure(base.effects, memory.play_kpa)
     visited = {
         "input_map": grid.step_means(cells),

@@ -7,8 +7,6 @@ import math
 from spa_fo._jit import njit
 from spa_fo.plant.effects.effect import Check, Effect, Parameter, amplitude
 
-_NEWTON = 5  # steps to an angle within rounding
-
 EFFECT = Effect(
     id="gravity_load",
     stage="actuator",
@@ -56,12 +54,3 @@ def weight_moment(angle: float, along: float, across: float, at_rest: float) -> 
     sine, cosine = math.sin(angle), math.cos(angle)
     moment = along * sine + across * (1.0 - cosine) - at_rest
     return moment, along * cosine + across * sine
-
-
-def hanging_rad(along: float, across: float, at_rest: float) -> float:
-    """Give the angle (rad) at which a vented linear actuator hangs under a weight."""
-    angle = at_rest
-    for _ in range(_NEWTON):
-        moment, slope = weight_moment(angle, along, across, at_rest)
-        angle -= (angle + moment) / (1.0 + slope)
-    return angle

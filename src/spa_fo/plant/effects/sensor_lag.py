@@ -5,22 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Check, Effect, Parameter
+from spa_fo.plant.effects.effect import Check, Effect
 from spa_fo.plant.effects.shared import Floats, Integers, lag
 from spa_fo.plant.memory import STEPS_S
 
 EFFECT = Effect(
     id="sensor_lag",
     stage="sensor",
-    parameters=(
-        *lag(),
-        Parameter(
-            *("return_excess", "1", 0.0, 0.25, -0.7, 3.0),
-            starts=(0.0,),
-            means="by how much longer a fall of the reading takes than a rise, as a part of that",
-            is_addition=True,
-        ),
-    ),
+    parameters=lag("return_excess"),
     name="lag of the sensor",
     means="the reading follows the angle as through a low-pass",
     remedy="take filtering out of the sensor's circuit; check against a video of one step",
@@ -45,8 +37,7 @@ def follow(y: Floats, level: Integers, time_constant: float, excess: float, stat
         return
     now = state[0]
     before = now if y.size == 0 else y[0]
-    rise, fall = STEPS_S / time_constant, STEPS_S / (time_constant * (1.0 + excess))
-    x = np.stack((rise, fall))
+    x = STEPS_S / (time_constant * np.array([[1.0], [1.0 + excess]]))
     keeps, means = np.exp(-x), -np.expm1(-x) / x
     for i in range(y.size):
         falls = 1 if 0.5 * (before + y[i]) < now else 0

@@ -93,8 +93,8 @@ def creep_sizes(per_decade: float, typical_s: float, decades: float) -> Floats:
 _TAIL = 4.0  # times as late as the rest. Assumed, as a sensor's of one rig that was opened.
 
 
-def lag() -> tuple[Parameter, ...]:
-    """Give a lag of one pole or two, and of a tail beside them."""
+def lag(excess: str) -> tuple[Parameter, ...]:
+    """Give a lag of one pole or two, and of a tail beside them; a fall takes longer by `excess`."""
     return (
         lateness("time_constant_s", "how late a slow change comes, on the mean"),
         share(
@@ -107,6 +107,12 @@ def lag() -> tuple[Parameter, ...]:
             starts=(0.05,),
             # Of more of it than of the rest a lag would be one of a longer time by another name.
             means="part of a change that comes four times as late as the rest",
+            is_addition=True,
+        ),
+        Parameter(
+            *(excess, "1", 0.0, 0.25, -0.7, 3.0),
+            starts=(0.0,),
+            means="by how much longer a fall takes than a rise, as a part of that",
             is_addition=True,
         ),
     )
