@@ -957,8 +957,15 @@ def test_a_weight_that_bends_at_rest_shifts_what_is_linear() -> None:
 
 @pytest.mark.parametrize(
     "beside",
-    "dead_time creep hysteresis mullins_softening "
-    "sensor_creep sensor_hysteresis sensor_detachment".split(),
+    [
+        "dead_time",
+        "creep",
+        "hysteresis",
+        "mullins_softening",
+        "sensor_creep",
+        "sensor_hysteresis",
+        "sensor_detachment",
+    ],
 )
 def test_a_weight_shows_from_the_first_sample_of_the_first_trial(beside: str) -> None:
     grid = campaign_grid(trials(step_release(), step_release()))
