@@ -35,7 +35,7 @@ help:
 	@echo "make injected    changes put into measured repeats in DATA -> docs/real_data/injected.md"
 	@echo "make repeats     diagnose repeated commands in DATA -> docs/blind/ (12 minutes of processor time)"
 	@echo "make test        linters, types, contracts, unit tests, reduced workflow (a quarter of an hour)"
-	@echo "make test-slow   what it leaves out: tests marked slow (five minutes)"
+	@echo "make test-slow   what it leaves out: tests marked slow (eight minutes)"
 	@echo "make test-room ROOM=gap   the tests of one room, while you work in it (about a minute)"
 	@echo "make lint        linters, types, contracts"
 	@echo "make firmware    build the board's program, and a simulated board to run it on"
