@@ -335,6 +335,18 @@ def test_parameters_stand_one_a_row_with_interval_unit_and_typical_size() -> Non
     assert max(len(re.findall(r"\d+\.\d+", cell)) for row in causes.values() for cell in row) <= 1
 
 
+@pytest.mark.parametrize(("lag_s", "alike"), [(0.159, True), (0.161, False)])
+def test_what_an_explanation_above_has_alike_is_not_laid_out_again(lag_s, alike) -> None:
+    lag = {"line_lag": {"time_constant_s": {"value": lag_s, "ci95": [lag_s - 0.02, lag_s + 0.02]}}}
+    other = replace(CREEP, set=("creep", "line_lag"), parameters={**CREEP.parameters, **lag})
+    said = sections(document(diagnosis(causes=(PAIR, other, NONE, UNKNOWN))))["The parameters"]
+    below = said.split("**creep of the material + pneumatic lag of the line**")[1]
+    assert "creep of the material | per decade" in below
+    assert ("pneumatic lag of the line | time constant" in below) != alike
+    note = "As above, every value within the interval there: pneumatic lag of the line."
+    assert (note in below) == alike
+
+
 def test_large_and_negative_numbers_are_written_out() -> None:
     values = {"rise_kpa_s": {"value": 1389.6, "ci95": [-461.2, 4190.0]}}
     cause = Cause(("slew_limit",), 0.83, {"slew_limit": values}, {})

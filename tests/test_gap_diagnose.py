@@ -12,7 +12,7 @@ import blind_documents
 from blind.first_rig import write_case
 from spa_fo.gap import diagnose_campaign
 from spa_fo.gap.claim import claimed as claim
-from spa_fo.plant.effects.library import IDS
+from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.law import PLACES
 
 SEVEN_EACH = {"name": "up_steps", "repeats": 7, "order": "interleaved"}
@@ -101,6 +101,8 @@ def test_every_parameter_has_an_interval_about_it(hysteresis):
                     continue
                 low, high = entry["ci95"]
                 assert low <= entry["value"] <= high
+                bounds = [(p.low, p.high) for p in LIBRARY[name].parameters if p.name == key]
+                assert all(least <= low < high <= most for least, most in bounds)
                 checked.add(name)
     assert "hysteresis" in checked
 

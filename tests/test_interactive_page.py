@@ -14,7 +14,7 @@ from plotly import graph_objects as go
 
 from browser import CHROMIUM, DESKTOP, PHONE, Page, address, browser
 from pages import Addresses, words
-from spa_fo.gap.diagnosis import Diagnosis, Gap, Traces
+from spa_fo.gap.diagnosis import Cause, Diagnosis, Gap, Traces
 from spa_fo.report.causes import likelihood
 from spa_fo.report.experiments import worst
 from spa_fo.report.headline import opening
@@ -75,6 +75,17 @@ def test_the_opening_of_an_open_question_names_the_next_step() -> None:
     assert following.endswith("next, calibrate with dwells of 60 s.")
     assert "Nothing is explained so far" in opening(UNEXPLAINED.to_dict())[1]
     assert "to look closer, record a long hold" in opening(NO_GAP.to_dict())[1]
+
+
+def test_an_open_question_names_what_is_in_all_of_its_sets_once() -> None:
+    sets = (("creep", "line_lag"), ("creep", "line_lag", "sensor_slip"), ("creep", "sensor_slip"))
+    causes = tuple(Cause(ids, p, {}, {}) for ids, p in zip(sets, (0.5, 0.3, 0.2), strict=True))
+    wrong = opening(replace(AMBIGUOUS, causes=causes, sets=sets).to_dict())[0]
+    assert wrong.endswith(
+        "creep of the material and pneumatic lag of the line together (about as likely as not, "
+        "50 %), the same with slip of the sensor (30 %) or creep of the material and slip of the "
+        "sensor together (20 %)."
+    )
 
 
 def test_a_floor_without_repeats_is_not_said_to_be_of_repeats() -> None:

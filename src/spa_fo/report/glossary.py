@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import exp
 from typing import Any
@@ -15,6 +15,8 @@ from spa_fo.report.causes import named
 from spa_fo.report.effect_words import parameter_words, phrase, words_of
 
 _LEAST = 0.05  # probability from which the parameters of an explanation are listed
+Fitted = Mapping[str, Mapping[str, Any]]
+"""Parameters of an effect by name, as `Cause.parameters` has them of each."""
 HEAD = ("effect", "parameter", "value", "95 % interval", "unit", "typical size", "what it is")
 
 
@@ -62,13 +64,24 @@ def listed(diagnosis: Diagnosis) -> list[Cause]:
     ]
 
 
-def entries(cause: Cause, reach: Reach) -> list[Entry]:
-    """List the parameters of an explanation on a rig of a reach."""
+def entries(cause: Cause, reach: Reach, but: Collection[str] = ()) -> list[Entry]:
+    """List the parameters of an explanation on a rig of a reach, but those of some effects."""
     return [
         _entry(effect, name, fitted, reach)
         for effect, parameters in cause.parameters.items()
         for name, fitted in parameters.items()
+        if effect not in but
     ]
+
+
+def agree(own: Fitted, others: Fitted) -> bool:
+    """Say whether all values of an effect lie in the intervals that another fit of it has."""
+    return all(_within(fitted["value"], others[name]) for name, fitted in own.items())
+
+
+def _within(value: float, other: Mapping[str, Any]) -> bool:
+    low, high = other.get("ci95") or [other["value"]] * 2
+    return bool(low <= value <= high)
 
 
 def meanings(causes: Sequence[Cause]) -> Iterator[tuple[str, str]]:

@@ -106,6 +106,14 @@ def _together(ids: Sequence[str]) -> str:
     return f"{names} together" if len(ids) > 1 else names
 
 
+def _beside(first: Sequence[str], ids: Sequence[str]) -> str:
+    """Name a set of effects after another one: only what it has besides, where it holds that."""
+    more = [each for each in ids if each not in first]
+    if len(first) > 1 and len(more) + len(first) == len(ids):
+        return f"the same with {joined([phrase((each,)) for each in more], 'and')}"
+    return _together(ids)
+
+
 def _missed(document: Mapping[str, Any]) -> str:
     gap = document["gap"]
     error, floor = gap["rmse_deg"], gap["noise_floor_deg"]
@@ -138,7 +146,7 @@ def _blamed(document: Mapping[str, Any]) -> str:
     if kind == "ambiguous":
         first = f"{_together(sets[0])} ({_how_sure(document, sets[0])})"
         others = [
-            f"{_together(ids)} ({percent(probability(document, ids))})"
+            f"{_beside(sets[0], ids)} ({percent(probability(document, ids))})"
             for ids in sets[1:_MOST_SETS]
         ]
         found = [first, *others]

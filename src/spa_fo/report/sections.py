@@ -14,7 +14,7 @@ from spa_fo.report.causes import (
     probability_of,
 )
 from spa_fo.report.effect_words import MAP_WORDS, bin_words, joined, phrase, words_of
-from spa_fo.report.glossary import HEAD, entries, listed
+from spa_fo.report.glossary import HEAD, Fitted, agree, entries, listed
 from spa_fo.report.share_maps import share_maps, stage_note
 from spa_fo.report.verdict_words import judged
 
@@ -109,12 +109,22 @@ def _degrees(error: float | None) -> str:
 
 
 def parameter_tables(diagnosis: Diagnosis) -> Iterator[str]:
-    """Lay out the parameters of the explanations that count, one a row, a table each."""
+    """Lay out the parameters of the explanations that count, one a row, a table each.
+
+    What one before has alike is not laid out again.
+    """
+    above: dict[str, Fitted] = {}
     for cause in listed(diagnosis):
-        rows = [entry.cells for entry in entries(cause, diagnosis.reach)]
-        if rows:
+        own = cause.parameters
+        alike = tuple(name for name in own if name in above and agree(own[name], above[name]))
+        rows = [entry.cells for entry in entries(cause, diagnosis.reach, alike)]
+        if own:
             yield f"**{phrase(cause.set, ' + ')}** ({percent(cause.probability)}):"
+        if rows:
             yield _table(HEAD, rows, ":--|:--|--:|:--:|:--|:--|:--")
+        if alike:
+            yield f"As above, every value within the interval there: {phrase(alike, ', ')}."
+        above = {**own, **above}
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], alignment: str) -> str:

@@ -60,18 +60,36 @@ def drive_intervals(fit: DriveFit) -> Parameters:
 def _intervals(values: Mapping[str, Mapping[str, float]], errors: Errors) -> Parameters:
     return {
         name: {
-            key: {"value": value, "ci95": _interval(value, *errors.get((name, key), (None, False)))}
+            key: {
+                "value": value,
+                "ci95": _interval(value, _bounds(name, key), errors.get((name, key))),
+            }
             for key, value in own.items()
         }
         for name, own in values.items()
     }
 
 
-def _interval(value: float, sigma: float | None, of_logarithm: bool) -> list[float] | None:
-    if sigma is None:
+def _interval(
+    value: float, bounds: tuple[float, float], error: tuple[float, bool] | None
+) -> list[float] | None:
+    """Give the interval of a normal approximation, as far as the parameter may go.
+
+    Of what a bound leaves of the normal it holds 95 % at least: just so much where the value is on
+    the bound.
+    """
+    if error is None:
         return None
+    sigma, of_logarithm = error
     ends = np.array([-_WIDTH, _WIDTH]) * sigma
-    return list((value * np.exp(ends) if of_logarithm else value + ends).tolist())
+    free = value * np.exp(ends) if of_logarithm else value + ends
+    return list(np.clip(free, *bounds).tolist())
+
+
+def _bounds(name: str, key: str) -> tuple[float, float]:
+    """Say how far a parameter may go; coefficients' ratios are positive."""
+    bounds = [(p.low, p.high) for p in LIBRARY[name].parameters if p.name == key]
+    return bounds[0] if bounds else (0.0, np.inf)
 
 
 def _searched(ids: tuple[str, ...], sigma: Floats) -> Errors:
