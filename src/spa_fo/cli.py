@@ -19,6 +19,7 @@ from spa_fo.cli_numbers import positive
 from spa_fo.cli_parser import CommandParser
 from spa_fo.cli_shared import (
     Commands,
+    add_answer,
     add_campaign,
     add_command,
     add_overwrite,
@@ -299,16 +300,7 @@ def _add_diagnose(commands: Commands) -> None:
     parser.add_argument(
         "--model", metavar="MODEL.json", type=Path, required=True, help="plain, without effects"
     )
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True)
-    parser.add_argument(
-        "--exclude-effect",
-        metavar="ID",
-        action="append",
-        default=[],
-        help="take an effect out of the library; may be repeated",
-    )
-    add_seed(parser, "of the held-out trials and the bootstrap")
-    add_overwrite(parser)
+    add_answer(parser, "of the held-out trials and the bootstrap")
     parser.set_defaults(run=_diagnose)
 
 

@@ -55,6 +55,20 @@ def add_overwrite(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_answer(parser: argparse.ArgumentParser, purpose: str) -> None:
+    """Say where an answer goes, what it is to do without, and its seed: `purpose` says of what."""
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True)
+    parser.add_argument(
+        "--exclude-effect",
+        metavar="ID",
+        action="append",
+        default=[],
+        help="take an effect out of the library; may be repeated",
+    )
+    add_seed(parser, purpose)
+    add_overwrite(parser)
+
+
 def add_seed(parser: argparse.ArgumentParser, purpose: str) -> None:
     """Take a seed: `purpose` says of what."""
     parser.add_argument(

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 from spa_fo import places
 from spa_fo.cli_shared import (
     Commands,
+    add_answer,
     add_campaign,
     add_command,
-    add_overwrite,
-    add_seed,
     tell,
     tell_replaced,
     tell_warnings,
@@ -42,16 +41,7 @@ def add_compare(commands: Commands) -> None:
         type=Path,
         help="plain model of REFERENCE (default: one is identified on it)",
     )
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True)
-    parser.add_argument(
-        "--exclude-effect",
-        metavar="ID",
-        action="append",
-        default=[],
-        help="take an effect out of the library; may be repeated",
-    )
-    add_seed(parser, "of the identification, the held-out trials and the bootstrap")
-    add_overwrite(parser)
+    add_answer(parser, "of the identification, the held-out trials and the bootstrap")
     parser.set_defaults(run=_compare)
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
-from spa_fo.plant.effects.shared import MOMENTS, Floats, switched
+from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude
+from spa_fo.plant.effects.shared import SINCE, Floats, switched
 
 
 def come_off(
@@ -41,16 +41,7 @@ EFFECT = Effect(
             high=180.0,
             start=0.0,
         ),
-        shape(
-            "since",
-            "1",
-            "when, as a share of the campaign",
-            centre=0.5,
-            factor=100.0,  # in each tenfold of time as probable as in any other
-            low=1e-5,
-            high=1.0,
-            starts=MOMENTS,
-        ),
+        SINCE,
     ),
     name="a sensor that came off",
     means="from some moment on it follows the angle less, or not at all, or from another zero",

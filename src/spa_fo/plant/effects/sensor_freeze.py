@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
-from spa_fo.plant.effects.shared import MOMENTS, Floats, switched
+from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude
+from spa_fo.plant.effects.shared import SINCE, Floats, switched
 
 
 def freeze(angle_deg: Floats, time_s: Floats, held: float, since: float) -> Floats:
@@ -31,16 +31,7 @@ EFFECT = Effect(
             high=1.0,
             start=0.3,
         ),
-        shape(
-            "since",
-            "1",
-            "when, as a share of the campaign",
-            centre=0.5,
-            factor=100.0,  # in each tenfold of time as probable as in any other
-            low=1e-5,
-            high=1.0,
-            starts=MOMENTS,
-        ),
+        SINCE,
     ),
     name="a reading that froze",
     means="from some moment on the reading stays near what it was then",

@@ -39,7 +39,17 @@ CURVE_SPLINES = _straight_beyond(
 )
 """What a unit error of an unknown sensor curve at each knot but 0° makes of it."""
 CREEP_TIMES_S = np.logspace(-1.0, 3.5, 10)  # two a decade
-MOMENTS = tuple(np.linspace(0.02, 0.98, 49).tolist())  # a score test looks at each
+SINCE = shape(
+    "since",
+    "1",
+    "when, as a share of the campaign",
+    centre=0.5,
+    factor=100.0,  # in each tenfold of time as probable as in any other
+    low=1e-5,
+    high=1.0,
+    starts=tuple(np.linspace(0.02, 0.98, 49).tolist()),  # a score test looks at each
+)
+"""The moment that an effect begins at."""
 _DECADE = 0.5  # of creep time that one element stands for
 
 
