@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import norm
+from scipy.stats import norm, truncnorm
 
 import campaigns
 import naive_plant
@@ -152,9 +152,23 @@ def covariance(size: int) -> np.ndarray:
 def test_intervals_are_of_95_percent() -> None:
     width = norm.ppf(0.975)
     ends = np.array([-0.1, 0.1]) * width
-    assert _interval(2.0, 0.1, False) == pytest.approx(2.0 + ends, rel=1e-3)
-    assert _interval(2.0, 0.1, True) == pytest.approx(2.0 * np.exp(ends), rel=1e-3)
-    assert _interval(2.0, None, False) is None
+    free = -np.inf, np.inf
+    assert _interval(2.0, free, (0.1, False)) == pytest.approx(2.0 + ends, rel=1e-3)
+    assert _interval(2.0, free, (0.1, True)) == pytest.approx(2.0 * np.exp(ends), rel=1e-3)
+    assert _interval(2.0, free, None) is None
+
+
+@pytest.mark.parametrize("value", [0.0, 0.05, 0.3, 1.0])
+def test_an_interval_ends_where_the_parameter_may_go_and_holds_95_percent_of_what_is_left(
+    value,
+) -> None:
+    bounds = 0.0, 1.0
+    low, high = _interval(value, bounds, (0.2, False))
+    assert bounds[0] <= low <= value <= high <= bounds[1]
+    left = truncnorm(*((np.array(bounds) - value) / 0.2), loc=value, scale=0.2)
+    assert left.cdf(high) - left.cdf(low) >= 0.95 - 1e-4
+    if value in bounds:
+        assert left.cdf(high) - left.cdf(low) == pytest.approx(0.95, abs=1e-3)
 
 
 def test_the_error_of_b0_is_that_of_gain_and_a0_together() -> None:
