@@ -343,7 +343,7 @@ def test_what_an_explanation_above_has_alike_is_not_laid_out_again(lag_s, alike)
     below = said.split("**creep of the material + pneumatic lag of the line**")[1]
     assert "creep of the material | per decade" in below
     assert ("pneumatic lag of the line | time constant" in below) != alike
-    note = "As above, every value within the interval there: pneumatic lag of the line."
+    note = "As first given above, every value in the interval there: pneumatic lag of the line."
     assert (note in below) == alike
 
 

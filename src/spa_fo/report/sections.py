@@ -111,7 +111,7 @@ def _degrees(error: float | None) -> str:
 def parameter_tables(diagnosis: Diagnosis) -> Iterator[str]:
     """Lay out the parameters of the explanations that count, one a row, a table each.
 
-    What one before has alike is not laid out again.
+    An effect whose values lie where it was laid out first is not laid out again.
     """
     above: dict[str, Fitted] = {}
     for cause in listed(diagnosis):
@@ -123,7 +123,7 @@ def parameter_tables(diagnosis: Diagnosis) -> Iterator[str]:
         if rows:
             yield _table(HEAD, rows, ":--|:--|--:|:--:|:--|:--|:--")
         if alike:
-            yield f"As above, every value within the interval there: {phrase(alike, ', ')}."
+            yield f"As first given above, every value in the interval there: {phrase(alike, ', ')}."
         above = {**own, **above}
 
 
