@@ -27,7 +27,7 @@ SLOWEST_FAST_HZ = 3.2
 """Lines above do not show in the averaged samples."""
 _PADDED = 8192
 _ABOUT_HZ = 1.0  # to either side, of the background that a fast line stands out of
-_FEWEST = 4  # samples of a step that say something about what is fast
+_FEWEST = 3  # samples of a step that say something about what is fast
 _FEWEST_FAST = 32  # such samples in all
 _FAST_AMPLITUDES = np.geomspace(0.003, 30.0, 200)
 _MOST_LINES = 4  # that are taken off: a mains' own, harmonics, and what is left of them
