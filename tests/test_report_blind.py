@@ -193,17 +193,18 @@ def test_priors_and_measured_actuators_are_on_the_page(scores: dict[str, Any]) -
     assert "Measured actuators" not in document(scores, ORIGIN, Further())
 
 
-def test_rigs_of_other_hands_have_their_sets_side_by_side(scores: dict[str, Any]) -> None:
+def test_rigs_of_other_hands_are_added_up(scores: dict[str, Any]) -> None:
+    """Of all sets, and of the first ones; more is on their own page."""
+    name = "no effect: false alarms"
     others = [
-        Mark(number, "abcdef0", "1", "sixth_rig", 84, "found", "≥ 0.9", value, 10, reached)
-        for number, value, reached in ((1, "0.800", "no"), (2, "1.000", "yes"))
+        Mark(number, "abcdef0", "1", "sixth_rig", 84, name, "≤ 0.02", value, 10, reached)
+        for number, value, reached in ((1, "0.000", "yes"), (2, "0.100", "no"))
     ]
     page = document(scores, ORIGIN, Further(others=others))
     part = page.split("## Rigs of other hands")[1].split("\n## ")[0]
-    assert "### Sixth rig" in part
-    assert "| mark | goal | set 1 | set 2 |" in part
-    assert "| found | ≥ 0.9 | **0.800** | 1.000 |" in part
-    assert "Rigs of other hands" not in document(scores, ORIGIN, Further())
+    assert f"| {name} | ≤ 0.02 | 1 of 20 (5 %, 1 to 24) | 0 of 10 (0 %, 0 to 28) |" in part
+    assert "false alarms in 5.0 % of 20 cases" in page.split("## ")[0]
+    assert "igs of other hands" not in document(scores, ORIGIN, Further()).split("## Words")[0]
 
 
 # --- the command ----------------------------------------------------------------------------------
@@ -227,14 +228,15 @@ def test_the_command_copies_the_results_beside_the_page(results: Path, tmp_path:
         "none was found to differ.\n"
         "\n## What is asked\n\nToo long.\n"
     )
-    (documents / "real.md").write_text("Measured.\n")
+    for name in ("real", "diagnosis", "other_rigs"):
+        (documents / f"{name}.md").write_text("Measured.\n")
     assert main([str(results), str(documents), "--command", "snakemake blind"]) == 0
     page = (documents / "blind.md").read_text()
     links = {part.split(")")[0] for part in page.split("](")[1:]}
     assert {"blind/measured_repeats.md", "real.md"} <= links
-    assert len(links) == 7 + len(FIGURES)
+    assert len(links) == 9 + len(FIGURES)
     for link in links:
-        assert (documents / link).is_file(), link
+        assert (documents / link.split("#")[0]).is_file(), link
     assert "`snakemake blind`" in page
     assert "\n\nWhat it means.\n\n" in page
     assert "none was found to differ" in page

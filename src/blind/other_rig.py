@@ -26,6 +26,7 @@ from blind.judge.reading import AS_ASKED, answer_in
 from blind.judge.realised import campaign_data, rmse_deg
 from blind.judge.records import Outcome, Realised, Surroundings, Truth
 from blind.judge.targets import TARGETS
+from blind.report import other_rigs
 from blind.report.history import Mark, read_history, written
 from blind.report.words import REACHED
 from spa_fo.atomic import write_text
@@ -60,7 +61,8 @@ _UNSAID = Surroundings(
 _EXAMPLE = """\
 example:
   python -m blind.other_rig sixth/1 --rig "sixth rig" --set 1 --commit 1a2b3c4 \\
-    --work /tmp/sixth_1 --out docs/blind/other_rigs.csv
+    --work /tmp/sixth_1 --out docs/blind/other_rigs.csv \\
+    --answers docs/blind/other_rigs_answers.csv
 
 CASES holds labels.json and for each case a folder of its name:
 
@@ -293,12 +295,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--commit", required=True, help="of the engine that answers")
     parser.add_argument("--work", type=Path, required=True, help="folder for the diagnoses")
     parser.add_argument("--out", type=Path, required=True, help="table that the marks are added to")
+    parser.add_argument("--answers", type=Path, help="table that the answers are added to")
     parser.add_argument("--processes", type=int, default=os.cpu_count())
     parser.add_argument("--seed", type=int, default=1, help="of the diagnoses")
     given = parser.parse_args(arguments)
     with bad_input_exits():
         labels = read_labels(given.cases / "labels.json", given.rig)
         known = read_history(given.out)
+        told = [] if given.answers is None else other_rigs.read_answers(given.answers)
         _judged_once(known, given.out, given.rig, given.number, given.commit)
         _by_one_engine(given.work, {"commit": given.commit, "seed": given.seed})
         tasks = [(given.cases, label, given.work, given.seed) for label in labels]
@@ -312,6 +316,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found = marks_of(outcomes, given.number, given.commit)
         others = [m for m in known if (m.rig, m.seed) != (given.rig, given.number)]
         write_text(given.out, written([*others, *found]))
+        if given.answers is not None:
+            told = [one for one in told if (one.rig, one.number) != (given.rig, given.number)]
+            told += [other_rigs.given(one, given.number, given.commit) for one in outcomes]
+            write_text(given.answers, other_rigs.written(told))
     for mark in found:
         missed = " missed" if mark.reached == "no" else ""
         print(f"{mark.mark}: {mark.value} of {mark.n}, goal {mark.goal}{missed}")

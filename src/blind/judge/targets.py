@@ -104,6 +104,8 @@ WRONG_NAMES = _at_most(
     0.03, "effect in the library: wrong confident name", cases("closed"), "wrong_name"
 )
 IN_SETS = _at_least(0.92, f"{_LARGE}: truth in the sets", rich_large, "in_sets")
+UNNAMED = _at_least(0.75, f"{_MISSING}: unknown or equal", missing, "fair_or_unknown")
+CALIBRATION = _at_most(0.05, "probabilities: calibration error", everything, "ece")
 _BY_NAME = (
     IN_SETS,
     _at_least(0.90, f"{_LARGE}: most probable is right", rich_large, "right_first"),
@@ -115,7 +117,7 @@ _BY_NAME = (
     _at_least(0.92, f"{_BEYOND}: truth in the sets", further_large, "in_sets"),
     _at_most(0.03, f"{_BEYOND}: wrong confident name", further_large, "wrong_name"),
     _at_most(0.08, f"{_MISSING}: wrong confident name", missing, "wrong_name"),
-    _at_least(0.75, f"{_MISSING}: unknown or equal", missing, "fair_or_unknown"),
+    UNNAMED,
     _at_least(0.70, "pair: both named", cases("pair"), "in_sets"),
     _at_least(
         0.70, "three to five effects: named, none wrongly", cases("several"), "rightly_named"
@@ -123,7 +125,7 @@ _BY_NAME = (
     _at_most(0.08, "three to five effects: wrong confident name", cases("several"), "wrong_name"),
     _at_least(0.90, "shrink: claim within 10 points of realised", everything, "shrink_close"),
     _at_least(0.90, "shrink: 95 % interval holds the realised", everything, "shrink_covered"),
-    _at_most(0.05, "probabilities: calibration error", everything, "ece"),
+    CALIBRATION,
 )
 TARGETS = (FALSE_ALARMS, *_BY_NAME)
 """Those that are measured in any group of cases: on a rig, and in each class of surroundings."""

@@ -18,9 +18,12 @@ from typing import Any
 
 import yaml
 
+from blind.judge.statistics import rate
+from blind.judge.targets import FALSE_ALARMS, IN_SETS, UNNAMED, WRONG_NAMES
 from blind.report import sections
 from blind.report.history import Mark, marks_of, read_history, rigs_of, table, with_run, written
-from blind.report.words import rig_name
+from blind.report.other_rigs import hits, pooled
+from blind.report.words import percent, rig_name
 from spa_fo.atomic import replacing, write_text
 from spa_fo.edge import bad_input_exits
 from spa_fo.errors import BadInput
@@ -40,18 +43,35 @@ _FIGURES = {
     "shrink": "The share of the gap that the augmented model closes: claimed, and realised on a "
     "later campaign of the same specimen with other levels and protocols.",
 }
-_CLASSES = """\
-Rich protocols have releases, several levels and at least two repeats of everything; *other
-protocols* are up-steps alone, releases alone, or a single log."""
+_WORDS = """\
+- **Noise floor**: the RMS by which repeats of one experiment differ. The **size** of an effect is
+  the RMS by which it changes the logged angle, in noise floors.
+- **Rich protocol**: releases, several levels and at least two repeats of everything. **Other
+  protocols**: up-steps alone, releases alone, or a single log.
+- **Set**: effects that explain the gap together. An answer lists every set that the data cannot
+  tell apart; *truth in the sets*: one of them is exactly what is at work. **Found**: any answer
+  but no gap.
+- **Sure**, or **confident**, name: the answer is `cause`, one set alone, whatever its
+  probability.
+- **Withheld**: an effect that was taken out of the library for this case; **foreign**: one that
+  it never had. The right answer to either is `unknown`, or an **equal** (a fair answer): an
+  effect that nobody could tell from it with these data, as recorded before with the labels.
+- **Beyond the contract's**: the rarer effects, which [the library](diagnosis.md#the-library) has
+  beside the twenty-two that all rigs of [other hands](other_rigs.md) have.
+- **Claim**: the share of the gap that the answer says its augmented model closes, with an
+  interval; **realised**: what that model closes on a later campaign of the same specimen.
+- **Calibration error**: by how much the probability of the first explanation and how often it is
+  right differ, on average over ten classes of probability. So few cases never give 0."""
 _METHOD = """\
 Every case is a campaign of one of the rigs, which share no code, no solver and no functional form
 with the diagnosis, nor with each other; `src/blind/CASE.md` is their common interface. The
-diagnosis was trained on the virtual rig alone. Specimen, protocol, surroundings and the error of
-the given model are drawn at random; the effect's size is chosen so that it changes the logged
-angle by a multiple of the noise floor (RMS over all samples). The labels are sealed: their salted
-SHA-256 is in `seals.txt` before the first diagnosis, every batch of diagnoses records the hash of
-that file before it begins, and the labels are opened only if all of it agrees. The folders say
-neither rig nor cause.
+learned settings and the forms of the effects come from opened cases of both rigs, and of rigs of
+other hands: what is new to the diagnosis here is the draw, not the rig. Specimen, protocol,
+surroundings and the error of the given model are drawn at random; the effect's size is chosen so
+that it changes the logged angle by a multiple of the noise floor (RMS over all samples). The
+labels are sealed: their salted SHA-256 is in `seals.txt` before the first diagnosis, every batch
+of diagnoses records the hash of that file before it begins, and the labels are opened only if all
+of it agrees. The folders say neither rig nor cause.
 
 All settings of the diagnosis were frozen before, on other seeds. This benchmark has seed {seed}.
 
@@ -67,9 +87,10 @@ _WIDTHS = """\
 A claim's own interval says how far it can be trusted: it is wide where the trials that were held
 out are few, or say different things."""
 
+_LATEST = 4  # runs that are shown
 _HISTORY = """\
-Every published run, in order of time; what was not reached is bold. The diagnosis changed between
-runs, and each run has new cases. All values with their commits:
+The last {latest} of {runs} published runs, in order of time; what was not reached is bold. The
+diagnosis changed between runs, and each run has new cases. All runs with their commits:
 [{folder}/history.csv]({folder}/history.csv). Earlier runs had the virtual rig alone, which the
 diagnosis was tuned on, and say nothing of other rigs:
 [{folder}/history_one_rig.csv]({folder}/history_one_rig.csv)."""
@@ -99,8 +120,6 @@ class Further:
         What is said of measured campaigns in which nothing was changed; Markdown.
     others : sequence of Mark
         Of rigs of other hands, set by set.
-    told : str
-        What is said of these; Markdown.
     """
 
     history: Sequence[Mark] = ()
@@ -108,15 +127,13 @@ class Further:
     note: str = ""
     measured: str = ""
     others: Sequence[Mark] = ()
-    told: str = ""
 
 
 _OTHERS = """\
-Whoever wrote these had read neither the engine nor the two rigs above. Each set of cases was judged
-once, by the engine of the commit below it, before anybody here had looked at it; each column is a
-set. Cases are few: one of ten is ten points. All sets as a table:
-[other_rigs.csv]({folder}/other_rigs.csv). To judge on a rig of your own:
-`python -m blind.other_rig --help`."""
+Whoever wrote these had read neither the engine nor the two rigs above, which learned settings know.
+All sets of {hands} such hands, each judged once, before anybody had looked at it; beside them the
+sets that were judged before anything of their hand had been opened. Set by set, and what an answer
+is worth there: [Rigs of other hands](other_rigs.md)."""
 
 
 def document(
@@ -142,8 +159,11 @@ def document(
     parts = [
         "# The blind benchmark of the diagnosis",
         sections.summary(scores),
+        _lead(further.others),
         further.note,
         sections.origin_of_data(scores),
+        "## Words of this page",
+        _WORDS,
         "## Goals and results",
         sections.marks(scores),
         "## By class of surroundings",
@@ -153,7 +173,6 @@ def document(
         sections.effects(scores, folder),
         *_figure("confusion", folder),
         "## By size of the effect",
-        _CLASSES,
         sections.sizes(scores),
         *_figure("size_curve", folder),
         "## Probabilities",
@@ -168,10 +187,9 @@ def document(
         "## Errors",
         sections.errors(scores),
         *_measured(further.measured),
-        *_of_others(further, folder),
+        *_of_others(further.others),
         "## All runs",
-        _HISTORY.format(folder=folder),
-        *_histories(further.history),
+        *_histories(further.history, folder),
         "## How it was done",
         _method(scores),
         sections.cases(scores),
@@ -197,19 +215,38 @@ def _measured(text: str) -> Iterator[str]:
         yield text
 
 
-def _of_others(further: Further, folder: str) -> Iterator[str]:
-    if further.others or further.told:
+def _lead(others: Sequence[Mark]) -> str:
+    """Say in one sentence how often it is right on rigs of other hands."""
+    if not others:
+        return ""
+    shares = {
+        target.name: rate(hits([mark for mark in others if mark.mark == target.name]))
+        for target in (FALSE_ALARMS, IN_SETS, WRONG_NAMES, UNNAMED)
+    }
+    said = [f"{percent(one.value)} of {one.n} cases" for one in shares.values()]
+    return (
+        f"On {len(rigs_of(others))} [rigs of other hands](other_rigs.md), which judge best, all "
+        f"sets together: false alarms in {said[0]}; what is as large is among the names in "
+        f"{said[1]}; a sure and wrong name in {said[2]}; what the library lacks is unknown or an "
+        f"equal in {said[3]}."
+    )
+
+
+def _of_others(others: Sequence[Mark]) -> Iterator[str]:
+    if others:
         yield "## Rigs of other hands"
-    if further.others:
-        yield _OTHERS.format(folder=folder)
-        yield from _histories(further.others, "set")
-    yield further.told
+        yield _OTHERS.format(hands=len(rigs_of(others)))
+        yield pooled(others)
 
 
-def _histories(history: Sequence[Mark], each: str = "seed") -> Iterator[str]:
-    for rig in rigs_of(history):
+def _histories(history: Sequence[Mark], folder: str) -> Iterator[str]:
+    runs = list(dict.fromkeys(mark.run for mark in history))
+    latest = [mark for mark in history if mark.run in runs[-_LATEST:]]
+    shown = min(_LATEST, len(runs))
+    yield _HISTORY.format(latest=shown, runs=len(runs), folder=folder)
+    for rig in rigs_of(latest):
         yield f"### {rig_name(rig).capitalize()}"
-        yield table(history, rig, each)
+        yield table(latest, rig)
 
 
 def _method(scores: Mapping[str, Any]) -> str:
@@ -222,7 +259,10 @@ def _method(scores: Mapping[str, Any]) -> str:
 
 def _origin(origin: Origin, benchmark: Mapping[str, Any]) -> str:
     config = yaml.safe_dump({"blind": dict(benchmark)}, sort_keys=False, default_flow_style=None)
-    return f"Commit `{origin.commit}`, command `{origin.command}`, with\n\n```yaml\n{config}```"
+    return (
+        f"Commit `{origin.commit}`, command `{origin.command}`, with this in `config.yaml` "
+        f"(*dirty*: some of it differed from the commit):\n\n```yaml\n{config}```"
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -230,7 +270,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m blind.report.document",
         description="Copy the results of the blind benchmark into the documents, with their page. "
-        "blind/note.md and blind/other_rigs.md there become parts of it, and so does how "
+        "blind/note.md there becomes a part of it, and so does how "
         "blind/measured_repeats.md begins.",
     )
     parser.add_argument("results", type=Path, help="folder with scores.json, tables and figures")
@@ -248,7 +288,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             note=_part(beside / "note.md"),
             measured=_opening(beside / "measured_repeats.md"),
             others=read_history(beside / "other_rigs.csv"),
-            told=_part(beside / "other_rigs.md"),
         )
         page = document(scores, origin, further)
         _copy((path for name in _COPIED for path in sorted(given.results.glob(name))), beside)
