@@ -51,10 +51,10 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
     import numpy as np
 
     from blind.judge.realised import campaign_data, judged_model
-    from spa_fo.gap.claim.against_laws import against_laws
-    from spa_fo.gap.claim.claimed import Claim, claim, held_to
+    from spa_fo.gap.claim.claimed import Claim, claim
     from spa_fo.gap.decide.examine import examine
     from spa_fo.gap.decide.weigh import decide
+    from spa_fo.gap.diagnose import held_against_trials
     from spa_fo.gap.noise.interference import NONE, fast_line
     from spa_fo.plant import read_model
     from spa_fo.plant.effects.library import at_port
@@ -79,8 +79,7 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
             by_chance = before.by_chance | new.by_chance
             both = replace(new, closed=closed, expected=expected, by_chance=by_chance)
             known.append(both)
-        verdict = held_to(verdict, known[0])
-        verdict = held_to(against_laws(verdict, e), known[0])
+        verdict = held_against_trials(replace(e, verdict=verdict), known[0])
         return verdict.kind, [list(names) for names in verdict.sets]
 
     return said

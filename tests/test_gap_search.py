@@ -16,7 +16,7 @@ from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.minimise import HOPE
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.search import explanations
-from spa_fo.gap.search.explanations import Explanations, _equal, _equals, explain
+from spa_fo.gap.search.explanations import Explanations, _equal, _equals, _tried, explain
 from spa_fo.gap.search.fitted import begun, fit, settled
 from spa_fo.gap.search.screening import points_of, screen
 from spa_fo.gap.settings import SETTINGS
@@ -174,6 +174,41 @@ def test_a_search_in_two_parts_ends_where_a_long_one_does(lagged: Explanations) 
     assert ended.tried > rough.tried
 
 
+def test_what_moves_beyond_all_measure_is_left_out_and_ends_nothing(
+    lagged: Explanations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search = AngleProblem.search
+
+    def exploding(problem: AngleProblem, *told: Any) -> Any:
+        if problem.ids == ("creep",):
+            raise np.linalg.LinAlgError("a matrix is not positive definite")
+        return search(problem, *told)
+
+    monkeypatch.setattr(AngleProblem, "search", exploding)
+    found = explain(lagged.bench, OTHERS)
+    assert ("creep",) in lagged.fits
+    assert ("creep",) not in found.fits
+    assert ("sensor_lag",) in found.fits
+
+
+def test_of_several_starts_those_that_can_be_searched_count(
+    lagged: Explanations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, plain, ids = lagged.bench, lagged.plain, ("sensor_lag",)
+    search, points = AngleProblem.search, starts(AngleProblem(bench, ids), plain.z)
+    best, nowhere = begun(bench, ids, points, plain), points[0] + 1e-9
+
+    def exploding(problem: AngleProblem, start: Any, *told: Any) -> Any:
+        if np.array_equal(start, nowhere):
+            raise np.linalg.LinAlgError("a matrix is not positive definite")
+        return search(problem, start, *told)
+
+    monkeypatch.setattr(AngleProblem, "search", exploding)
+    assert begun(bench, ids, [nowhere, *points], plain).quick == best.quick
+    with pytest.raises(np.linalg.LinAlgError, match="every start"):
+        begun(bench, ids, [nowhere], plain)
+
+
 def shaken(data: CampaignData, deg: float) -> CampaignData:
     """Add coloured noise, of 0.3 s."""
     draw, trials = np.random.default_rng(2), []
@@ -279,7 +314,7 @@ def test_what_together_moves_beyond_all_measure_is_no_equal(
 
     nothing = cast(Any, None)
     monkeypatch.setattr(explanations, "fit", explodes)
-    assert _equal(nothing, ("creep", "stiffening"), [], nothing) is None
+    assert _tried(_equal, nothing, ("creep", "stiffening"), [], nothing) is None
     monkeypatch.setattr(explanations, "fit", lambda *_: "fitted")
     monkeypatch.setattr(explanations, "weighed", lambda _, fitted: f"{fitted} and weighed")
     assert cast(Any, _equal(nothing, ("creep",), [], nothing)) == "fitted and weighed"

@@ -26,7 +26,15 @@ from spa_fo.gap.data.searched import at_rate, to_x, to_z
 from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.diagnosis import Cause
 from spa_fo.gap.noise.bench_noise import TYPICAL
-from spa_fo.gap.plan.advice import SEPARABLE, advise, plan, recommendation, runs, table
+from spa_fo.gap.plan.advice import (
+    SEPARABLE,
+    advise,
+    plan,
+    plan_campaign,
+    recommendation,
+    runs,
+    table,
+)
 from spa_fo.gap.plan.next_steps import next_steps
 from spa_fo.gap.plan.profiles import (
     BANNER,
@@ -560,6 +568,25 @@ def test_values_beyond_their_bounds_are_taken_to_them() -> None:
     assert rival(("leak",), given_values, COEFFICIENTS).effects[LIBRARY["leak"].first] == 0.3
 
 
+def test_coefficients_are_of_the_reference_pressure_of_their_model(tmp_path: Path) -> None:
+    """Twice the reference, twice b0: the same actuator."""
+    reference_kpa = UP_STEPS.data.campaign.reference_kpa
+
+    def planned(reference_kpa: float, b0_times: float) -> str:
+        document = diagnosis("ambiguous", ("creep",), ("leak",))
+        for each in document["causes"]:
+            if "transfer_function" in each:
+                b0 = b0_times * each["transfer_function"]["b0"]
+                each["transfer_function"] = each["transfer_function"] | {"b0": b0}
+        document["reference_kpa"] = reference_kpa
+        standing = read_standing(written(tmp_path, document), "steps")
+        return str(plan_campaign(UP_STEPS.data, standing, max_duration_s=20.0))
+
+    alone = planned(reference_kpa, 1.0)
+    assert planned(2.0 * reference_kpa, 2.0) == alone
+    assert planned(2.0 * reference_kpa, 1.0) != alone
+
+
 def changed(path: str, value: Any) -> dict[str, Any]:
     """A diagnosis with one key replaced, or taken out by None."""
     document = diagnosis("ambiguous", ("creep",), ("leak",))
@@ -598,6 +625,7 @@ BAD = [
     ("causes.1.transfer_function.alpha1", 1.9, "orders"),
     ("gap", None, "gap: is missing"),
     ("gap.noise_floor_deg", 0.0, "gap.noise_floor_deg"),
+    ("reference_kpa", 0.0, "reference_kpa"),
 ]
 
 

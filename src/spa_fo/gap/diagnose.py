@@ -181,7 +181,7 @@ def diagnose(
         material=data.campaign.material,
         provenance=data.campaign.provenance.kind,
         seed=seed,
-        excluded=examined.excluded,
+        excluded=tuple(excluded),
         gap=Gap(
             rmse_deg=sizes[0],
             noise_floor_deg=sizes[1],
@@ -227,43 +227,55 @@ def _answered(
     """Answer, held against the trials that took no part."""
     rng = np.random.default_rng(seed)
     examined, claimed = _examined(data, plain, excluded, rng, progress, beyond)
-    repeats = examined.found.bench.noise.spectrum.repeats
-    gap_deg = _gap_deg(examined, claimed)
-    own = examined.found.bench.own
-    hardly = beyond is None and is_hardly_a_gap(gap_deg, examined.floor_deg, repeats, own)
-    verdict = held_to(examined.verdict, claimed, hardly)
     if beyond is None:
-        too_large = is_too_large(examined, claimed.curves["plain"])
-        if too_large:
-            verdict = cause_of_too_large(verdict, claimed)
-        progress("weighing laws that have no name against it")
-        verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed, hardly)
-        drive = examined.drive
-        if not (examined.found.bench.noise.is_ordinary and (drive is None or drive.is_ordinary)):
-            verdict = too_large_for_none(verdict)
-        # By how much a set lets repeats differ is no floor.
-        explained = noise_floor(examined.everything, claimed.curves["explained"])
-        floor_deg = min(examined.floor_deg, explained)
-        if repeats and not too_large and is_hardly_a_gap(gap_deg, floor_deg, repeats, own):
-            verdict = too_small_for_any(verdict, own)
+        verdict = held_against_trials(examined, claimed, progress)
     else:
-        verdict = alone_if_rare(verdict)
-        size, expected = differs(examined.everything, claimed.curves["plain"], beyond)
-        of_drive = times_missed_of_drive(examined.everything, beyond)
-        times = math.inf if beyond.broken else size / expected
-        verdict = beyond_expected(verdict, times, beyond.changed, of_drive, claimed)
-        if examined.everything.fixture is None:
-            verdict = with_equivalents(verdict, claimed, examined.everything.has_pressure)
-            verdict = unsure_of_the_sensor(verdict)
-        if beyond.says_nothing:
-            verdict = not_compared(verdict)
-        elif beyond.says_little:
-            verdict = unnamed(verdict)
+        verdict = _held_against_reference(examined, claimed, beyond)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
     if beyond is not None:
         verdict = unsure_to_close(verdict, claimed)
     return examined, claimed, verdict
+
+
+def held_against_trials(examined: Examined, claimed: Claim, progress: Progress = silent) -> Verdict:
+    """Hold what was decided against trials that took no part, laws without a name, and its size."""
+    bench, floor_deg = examined.found.bench, examined.floor_deg
+    repeats, own = bench.noise.spectrum.repeats, bench.own
+    gap_deg = _gap_deg(examined, claimed)
+    hardly = is_hardly_a_gap(gap_deg, floor_deg, repeats, own)
+    verdict = held_to(examined.verdict, claimed, hardly)
+    too_large = is_too_large(examined, claimed.curves["plain"])
+    if too_large:
+        verdict = cause_of_too_large(verdict, claimed)
+    progress("weighing laws that have no name against it")
+    verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed, hardly)
+    drive = examined.drive
+    if not (bench.noise.is_ordinary and (drive is None or drive.is_ordinary)):
+        verdict = too_large_for_none(verdict)
+    # By how much a set lets repeats differ is no floor.
+    floor_deg = min(floor_deg, noise_floor(examined.everything, claimed.curves["explained"]))
+    if repeats and not too_large and is_hardly_a_gap(gap_deg, floor_deg, repeats, own):
+        verdict = too_small_for_any(verdict, own)
+    return verdict
+
+
+def _held_against_reference(examined: Examined, claimed: Claim, beyond: Beyond) -> Verdict:
+    """Hold what was decided against what a reference lets expect."""
+    everything = examined.everything
+    verdict = alone_if_rare(held_to(examined.verdict, claimed))
+    size, expected = differs(everything, claimed.curves["plain"], beyond)
+    of_drive = times_missed_of_drive(everything, beyond)
+    times = math.inf if beyond.broken else size / expected
+    verdict = beyond_expected(verdict, times, beyond.changed, of_drive, claimed)
+    if everything.fixture is None:
+        verdict = with_equivalents(verdict, claimed, everything.has_pressure)
+        verdict = unsure_of_the_sensor(verdict)
+    if beyond.says_nothing:
+        verdict = not_compared(verdict)
+    elif beyond.says_little:
+        verdict = unnamed(verdict)
+    return verdict
 
 
 def _examined(

@@ -17,7 +17,8 @@ Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
 SCHEMA = "spa-fo/diagnosis/1"
 _KEYS = (
-    *("schema", "campaign", "seed", "provenance", "excluded", "gap", "where", "laws", "causes"),
+    *("schema", "campaign", "seed", "provenance", "reference_kpa", "excluded"),
+    *("gap", "where", "laws", "causes"),
     *("verdict", "shrink", "evidence", "next_steps", "findings", "baselines"),
 )
 
@@ -196,6 +197,7 @@ class Diagnosis:
         """Return the document of diagnosis.json."""
         document = vars(self) | {
             "schema": SCHEMA,
+            "reference_kpa": self.model.reference_kpa,
             "laws": [law.to_dict() for law in self.laws],
             "verdict": {
                 "kind": self.kind,

@@ -225,7 +225,8 @@ def smallest_bic(examined: Examined) -> list[str]:
         square = np.average(missed**2, weights=grid.counts[used])
         return float(n * np.log(square) + np.log(n) * fits[ids].z.size)
 
-    best = min((ids for ids in fits if len(ids) < 2), key=criterion)
+    allowed = [ids for ids in fits if len(ids) < 2 and not set(ids) & set(examined.excluded)]
+    best = min(allowed, key=criterion)
     return list(best)
 
 

@@ -82,8 +82,9 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
     `rng` is for the bootstrap over trials.
     """
     everything, held, found = examined.everything, examined.held, examined.found
-    leading = [s for s in verdict.scored if s.named][:_MOST]
-    leading = [s for s in leading if s.named in verdict.sets or s.probability >= _LIKELY]
+    causes = [s for s in verdict.scored if s.named]
+    near = {s.named for s in causes[:_MOST] if s.probability >= _LIKELY}
+    leading = [s for s in causes if s.named in near or s.named in verdict.sets]
     where = judged(everything, held)
     given, again = examined.given, _identified_again(found)
     plain = angle_chain(everything, given, None).run(given, absent())[0]
@@ -169,6 +170,7 @@ def exact(scored: Scored, examined: Examined, bench: Bench | None = None) -> Exp
     if known is None or bench is not None:
         start = without_others(scored.angle, ids) if known is None else known.z
         known = fit(bench or found.bench, ids, [start], found.plain)
+        known = replace(known, level=scored.angle.level)
     return explanation_of(scored, known, pressed)
 
 
@@ -292,7 +294,7 @@ def too_small_for_any(verdict: Verdict, own: bool = False) -> Verdict:
     lost, unknown = lost + of_drive, verdict.unknown - of_drive
     scored = [s if s.named else replace(s, probability=s.probability + lost) for s in scored]
     scored.sort(key=lambda s: -s.probability)
-    return judge(scored, unknown, verdict.unknown_drive)
+    return judge(scored, unknown, verdict.unknown_drive if own else 0.0)
 
 
 def is_hardly_a_gap(gap_deg: float, floor_deg: float, repeats: int, own: bool = False) -> bool:

@@ -36,6 +36,7 @@ class Judging:
         explained_deg: Floats,
     ) -> None:
         self.bench, self.chosen, self.everything = bench, chosen, everything
+        self.level = chosen.angle.level  # of the noise, beside what is chosen
         self.explained_deg, grid = explained_deg, everything.grid
         trials = np.isin(np.arange(len(grid.trials)), grid.sample_trial[where])
         own = bench.without(~trials).with_gap(grid.angle_deg - plain_deg, plain_deg)
@@ -63,7 +64,7 @@ class Judging:
         noise is what the bench has. What a slip or an interference makes of trials is no scatter.
         """
         bench, there, everything = self.bench, self.whitening, self.everything
-        factor = there.factor(1.0, left_deg / max(bench.gap_deg, 1e-9))
+        factor = there.factor(self.level, left_deg / max(bench.gap_deg, 1e-9))
         left = there.rows.merged(everything.grid.angle_deg - self.explained_deg)
         white_left, squares = there.white(factor, left), np.empty(there.rows.size)
         for here in self.trials():
@@ -76,7 +77,7 @@ class Judging:
             # A fast interference is no white noise, and hardly shows in averages of many samples.
             noise = min(noise, spectrum.white)
         scatter = np.average(squares, weights=self.count)
-        return float(np.sqrt(scatter + noise + spectrum.coloured.sum()))
+        return float(np.sqrt(scatter + noise + self.level**2 * spectrum.coloured.sum()))
 
     def takes(self, without: Floats) -> tuple[float, float]:
         """Say what the explanation is to take of the mean squared error, and 1 sigma of it, deg².
@@ -86,7 +87,7 @@ class Judging:
         """
         change = self.whitening.rows.merged(self.explained_deg - without)
         weights = 2.0 * self.count / self.count.sum() * change
-        variance = self.whitening.variance_of(weights)
+        variance = self.whitening.variance_of(weights, self.level)
         for here in self.trials():
             variance += float(np.sum((weights[here] @ self.shapes[here] * self.own) ** 2))
         return float(np.average(change**2, weights=self.count)), float(np.sqrt(variance))

@@ -288,7 +288,8 @@ def noise_floor(
         weights += freedom @ repeated.weight
     if not weights[0]:
         return evidence.noise_deg if otherwise is None else otherwise
-    between = float(np.min(squares / np.maximum(weights, 1e-9)))
+    # Successive repeats may have no sample in common.
+    between = float(np.min(squares[weights > 0.0] / weights[weights > 0.0]))
     return float(np.sqrt(max(between, 0.0) + evidence.noise_deg**2))
 
 

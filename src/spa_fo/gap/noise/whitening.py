@@ -173,12 +173,12 @@ class Whitening:
                 out[group.rows, here] = _triangular(own, some.T[here])
         return out
 
-    def variance_of(self, weights: Floats) -> float:
-        """Variance of a weighted sum over the rows, (rows,), as noise alone makes it."""
+    def variance_of(self, weights: Floats, level: float = 1.0) -> float:
+        """Variance of a weighted sum over the rows, (rows,), as noise of a level makes it."""
         total = 0.0
         for group, (coloured, white, _) in zip(self.rows.groups, self._parts, strict=True):
             own = weights[group.rows]
-            total += float(own @ coloured @ own + white @ own**2)
+            total += float(level**2 * (own @ coloured @ own) + white @ own**2)
         return total
 
     def beyond_noise(self, left: Floats, level: float = 1.0) -> float:

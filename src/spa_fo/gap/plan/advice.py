@@ -92,6 +92,9 @@ def plan_campaign(
     BadInput
         No profile fits into the limits.
     """
+    if standing.reference_kpa is not None:  # the model's, whatever the campaign's own is
+        campaign = replace(data.campaign, reference_kpa=standing.reference_kpa)
+        data = replace(data, campaign=campaign)
     evidence = collect(data)
     if standing.rivals:
         evidence = replace(evidence, rise_s=rise_s(standing.rivals[0].x, evidence.horizon_s))

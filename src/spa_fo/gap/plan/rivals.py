@@ -50,12 +50,15 @@ class Standing:
     """What a diagnosis left open: the kind of its verdict, the sets, and the noise floor.
 
     `plain` is no effect at all, identified again; None where the file does not hold it.
+    `reference_kpa` is the pressure that the coefficients' input is in units of; None, as in files
+    of before, is the campaign's own.
     """
 
     kind: str
     rivals: tuple[Rival, ...]
     plain: Rival | None
     floor_deg: float
+    reference_kpa: float | None = None
 
 
 def rival(
@@ -145,11 +148,18 @@ def standing_of(document: Any, campaign: str, source: Path | str = "diagnosis") 
     except BadInput:
         plain = None
     rivals = tuple(found_as(tuple(ids), tuple(ids)) for ids in sets)
-    return Standing(kind, rivals, plain, float(document["gap"]["noise_floor_deg"]))
+    reference_kpa = document.get("reference_kpa")
+    return Standing(kind, rivals, plain, float(document["gap"]["noise_floor_deg"]), reference_kpa)
 
 
 def _schema() -> dict[str, Any]:
     """JSON schema of what is read of a diagnosis."""
+    schema = _needed()
+    schema["properties"]["reference_kpa"] = {"type": "number", "exclusiveMinimum": 0}
+    return schema
+
+
+def _needed() -> dict[str, Any]:
     effects = {"type": "array", "minItems": 1, "items": {"enum": list(LIBRARY)}}
     names = {"type": "array", "items": {"type": "string"}}
     return _object(

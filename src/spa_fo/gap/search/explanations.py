@@ -7,11 +7,12 @@ where the best pair is worth it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
+from typing import Any
 
 import numba
 import numpy as np
@@ -125,11 +126,26 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     best = max(f.quick for f in fits.values())
     near = [f for f in fits.values() if f.quick > best - WORTH_WEIGHING or not f.ids]
     near = [f for f in near if not np.isfinite(f.logs).all()]
-    for f in each(lambda f: weighed(bench, f), near):
-        fits[f.ids] = f
-    more = each(lambda one: _equal(bench, *one, plain), _equals(fits, excluded))
-    fits |= {f.ids: f for f in more if f is not None}
-    return Explanations(bench, fits, line, tuple(excluded))
+    known = each(lambda f: _tried(weighed, bench, f), near)
+    more = each(
+        lambda one: _tried(_equal, bench, *one, plain),
+        _equals(fits | _by_ids(known), excluded),
+    )
+    return Explanations(bench, fits | _by_ids(known) | _by_ids(more), line, tuple(excluded))
+
+
+def _tried(function: Callable[..., Fitted], *arguments: Any, **options: Any) -> Fitted | None:
+    """Fit or weigh; None where an explanation moves the angle beyond all measure.
+
+    It is left out then: it does not end a diagnosis in which others do well.
+    """
+    with suppress(np.linalg.LinAlgError):
+        return function(*arguments, **options)
+    return None
+
+
+def _by_ids(fits: Iterable[Fitted | None]) -> dict[Ids, Fitted]:
+    return {f.ids: f for f in fits if f is not None}
 
 
 def _level_beside(bench: Bench, singles: Sequence[Fitted]) -> float:
@@ -144,11 +160,9 @@ def _level_beside(bench: Bench, singles: Sequence[Fitted]) -> float:
     return level if abs(np.log(level)) > np.log(_LEVEL_OFF) else bench.level
 
 
-def _equal(bench: Bench, ids: Ids, points: list[Floats], plain: Fitted) -> Fitted | None:
-    """Fit and weigh what was put together; None where together it moves beyond all measure."""
-    with suppress(np.linalg.LinAlgError):
-        return weighed(bench, fit(bench, ids, points, plain))
-    return None
+def _equal(bench: Bench, ids: Ids, points: list[Floats], plain: Fitted) -> Fitted:
+    """Fit and weigh what was put together."""
+    return weighed(bench, fit(bench, ids, points, plain))
 
 
 def _equals(fits: dict[Ids, Fitted], excluded: Sequence[str]) -> list[tuple[Ids, list[Floats]]]:
@@ -235,11 +249,12 @@ def _fits(
     best : Fitted
         The best fit so far.
     """
-    rough = ours(begun, [(ids, points, plain) for ids, points in wanted])
-    least = max([best.quick, *(f.quick for f in rough)]) - WORTH_WEIGHING
-    worth = [f for f in rough if f.quick + HOPE * f.decrement > least]
-    ended = ours(partial(settled, least=least), [(f, plain) for f in worth])
-    return {f.ids: f for f in rough} | {f.ids: f for f in ended}
+    begin, end = partial(_tried, begun), partial(_tried, settled)
+    rough = _by_ids(ours(begin, [(ids, points, plain) for ids, points in wanted]))
+    least = max([best.quick, *(f.quick for f in rough.values())]) - WORTH_WEIGHING
+    worth = [f for f in rough.values() if f.quick + HOPE * f.decrement > least]
+    ended = ours(partial(end, least=least), [(f, plain) for f in worth])
+    return rough | _by_ids(ended)
 
 
 def _three(
@@ -256,8 +271,8 @@ def _three(
     if SETTINGS.temper * (_worth(best) - _worth(pair)) > further_price():
         fewer = [tuple(n for n in best.ids if n != name) for name in best.ids]
         missing = [ids for ids in fewer if ids not in fits]
-        again = ours(fit, [(ids, [without_others(best, ids)], plain) for ids in missing])
-        found |= {f.ids: f for f in again}
+        points = [(ids, [without_others(best, ids)], plain) for ids in missing]
+        found |= _by_ids(ours(partial(_tried, fit), points))
     return found
 
 
@@ -313,8 +328,8 @@ def _with_line(
     bench = replace(bench, line=line.frequency_hz, scales=scales)
     hosts = [f for f in allowed if len(f.ids) < 2 or f.ids == best.ids]
     waved = each(
-        lambda f: fit(bench, ordered((*f.ids, name)), [f.z], fits[()]),
+        lambda f: _tried(fit, bench, ordered((*f.ids, name)), [f.z], fits[()]),
         hosts,
     )
-    more = {f.ids: replace(f, quick=f.quick - LINE_SEARCH) for f in waved}
+    more = {ids: replace(f, quick=f.quick - LINE_SEARCH) for ids, f in _by_ids(waved).items()}
     return bench, fits | more, line

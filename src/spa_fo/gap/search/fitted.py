@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import product
@@ -121,13 +122,12 @@ def fit(
     points: Sequence[Floats],
     plain: Fitted | None = None,
     share: float = SETTINGS.search_share,
-    most: int = _MOST_TRIED,
 ) -> Fitted:
     """Fit one explanation from the best of some points.
 
     `plain` is the plain model's fit, which says what a shift of the parameters moves.
     """
-    return settled(bench, begun(bench, ids, points, plain, share), plain, share, most)
+    return settled(bench, begun(bench, ids, points, plain, share), plain, share)
 
 
 def begun(
@@ -144,13 +144,25 @@ def begun(
         problem = AngleProblem(bench, ids, calibrated)
         variances = problem.scales**2
         spread = problem.spread(variances)
-        rough = [problem.search(z, factor, spread, _ROUGH, _ROUGH_TRIED) for z in points]
-        found = min(rough, key=lambda m: m.at.value)
+        found = _roughly(problem, points, factor, spread)
         fitted = _fitted(problem, found, factor, variances, plain)
         # What a step would gain with the variances found, which may open another way.
         here = problem.search(fitted.z, factor, problem.spread(fitted.variances), _ROUGH, 0)
         fits.append(replace(fitted, decrement=here.decrement))
     return max(fits, key=lambda f: f.quick)
+
+
+def _roughly(
+    problem: AngleProblem, points: Sequence[Floats], factor: Factor, spread: Floats
+) -> Minimum:
+    """Search from some points and take the best end."""
+    found = []
+    for z in points:
+        with suppress(np.linalg.LinAlgError):  # a motion beyond all measure
+            found.append(problem.search(z, factor, spread, _ROUGH, _ROUGH_TRIED))
+    if not found:
+        raise np.linalg.LinAlgError("every start moves the angle beyond all measure")
+    return min(found, key=lambda m: m.at.value)
 
 
 def variants(bench: Bench, ids: Sequence[str], calibrated: Calibrated = MOSTLY) -> list[Calibrated]:
@@ -168,7 +180,6 @@ def settled(
     rough: Fitted,
     plain: Fitted | None = None,
     share: float = SETTINGS.search_share,
-    most: int = _MOST_TRIED,
     least: float = -np.inf,
 ) -> Fitted:
     """Go on with a rough fit to its end, with the nuisances' variances that it has found.
@@ -177,7 +188,7 @@ def settled(
     """
     problem = problem_of(bench, rough)
     factor, spread = bench.whitening.factor(bench.level, share), problem.spread(rough.variances)
-    found = problem.search(rough.z, factor, spread, _ENOUGH, most, least - rough.quick)
+    found = problem.search(rough.z, factor, spread, _ENOUGH, _MOST_TRIED, least - rough.quick)
     tried, rejected = rough.tried + found.tried, rough.rejected + found.rejected
     found = replace(found, tried=tried, rejected=rejected)
     return _fitted(problem, found, factor, rough.variances, plain)
@@ -225,7 +236,7 @@ def _fitted(
         covariance=problem.posterior(linear, factor, solution.variances),
         moved_deg={},
         logs=np.full(len(SHARES), -np.inf),
-        level=1.0,
+        level=bench.level,
         quick=quick + _by_repeats(problem, solution),
         decrement=found.decrement,
         tried=found.tried,
@@ -273,7 +284,7 @@ def weighed(bench: Bench, fitted: Fitted) -> Fitted:
         value, _, _ = problem.weigh(linear, factor, fitted.variances, rounds=3)
         return value + level_prior(bench, LEVELS[level])
 
-    best, at = _FIRST_SHARE, LEVELS.index(1.0)
+    best, at = _FIRST_SHARE, LEVELS.index(fitted.level)
     for _ in SHARES:
         at = _climb(partial(log, best), at)
         logs = np.array([log(share, at) for share in range(len(SHARES))])
