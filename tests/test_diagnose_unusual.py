@@ -15,11 +15,11 @@ import pytest
 import campaigns
 from spa_fo.cli import main
 from spa_fo.gap.data.evidence import Evidence, _drifts, collect
-from spa_fo.gap.data.sensor_curve import curve_sigma
 from spa_fo.gap.noise.interference import _fast, fast_line
 from spa_fo.gap.plan.profiles import limits_of
 from spa_fo.plant.effects.library import IDS
 from spa_fo.plant.grid import CampaignGrid
+from spa_fo.plant.sensor_curve import curve_sigma
 from spa_fo.rig import read_campaign, read_trials
 from test_cli_diagnose import FEW, write_model
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from spa_fo.gap.data.dropouts import dropout_finding, mended, without_dropouts
 from spa_fo.rig import CampaignData, Trial
+from spa_fo.rig.dropouts import dropout_finding, mended, without_dropouts
 
 T_S = np.arange(0.0, 20.0, 0.02)
 NOISE_DEG = 0.1

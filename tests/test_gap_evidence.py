@@ -14,9 +14,9 @@ from spa_fo.gap.data.evidence import (
     noise_floor,
     repeats,
 )
-from spa_fo.gap.data.sensor_curve import curve_columns, curve_stretch_of
 from spa_fo.gap.noise.bench_noise import bench_noise
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
+from spa_fo.plant.sensor_curve import curve_columns, curve_stretch_of
 from spa_fo.rig import CampaignData, Trial, read_campaign, read_trials
 
 BEGIN_S, END_S = 0.7, 1.3  # of a gap in which the command rises

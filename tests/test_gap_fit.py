@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from spa_fo.gap.fit.minimise import Minimum, Quadratic, decrement, free_of, minimise
+from spa_fo.numeric.minimise import Minimum, Quadratic, decrement, free_of, minimise
 
 Floats = NDArray[np.float64]
 T = np.linspace(0.0, 4.0, 60)

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 import naive_rig
-from spa_fo.gap.data.fixture import Fixture, fixture_of, wandering
 from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.fixture import Fixture, fixture_of, wandering
 from spa_fo.plant.specimen import Mounting
 from spa_fo.plant.stages import felt_angle
 from spa_fo.rig import Calibration, Dwell

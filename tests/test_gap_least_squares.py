@@ -13,8 +13,8 @@ from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit import least_squares as least_squares_module
 from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.fit.least_squares import Explained
-from spa_fo.gap.fit.minimise import Quadratic, minimise
 from spa_fo.gap.noise.whitening import Factor
+from spa_fo.numeric.minimise import Quadratic, minimise
 from spa_fo.plant.effects.effect import Parameter
 
 Floats = NDArray[np.float64]

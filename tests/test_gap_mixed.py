@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import naive_gap
-from spa_fo.gap.fit.mixed import WEAK, Normal, Prior, solve
+from spa_fo.numeric.mixed import WEAK, Normal, Prior, solve
 
 
 def problem(seed, trials=4, rows=15):

@@ -19,9 +19,9 @@ from spa_fo.gap.answer.intervals import _interval, _of_shift, _of_zeros
 from spa_fo.gap.answer.locate import shares
 from spa_fo.gap.data.evidence import Evidence, collect, noise_floor
 from spa_fo.gap.data.searched import at_rate, to_x, to_z
-from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.decide.explanation import steady_walk
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
+from spa_fo.plant.sensor_curve import curve_columns
 from spa_fo.rig import read_campaign, read_trials
 
 TRUTH = np.array(list(campaigns.TRUTH.values()))

@@ -19,14 +19,14 @@ from spa_fo.gap.data.evidence import (
     collect,
     with_usual,
 )
-from spa_fo.gap.data.fixture import fixture_of
 from spa_fo.gap.data.searched import to_x
-from spa_fo.gap.data.sensor_curve import curve_columns, curve_sigma
 from spa_fo.gap.fit.bench import DWELL, Bench, _times_foreseen, bench_for, rows_of
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated, what_came_before
 from spa_fo.gap.noise.dwell_error import DwellError
 from spa_fo.gap.search.fitted import variants
 from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.fixture import fixture_of
+from spa_fo.plant.sensor_curve import curve_columns, curve_sigma
 from spa_fo.rig import Calibration, read_campaign, read_trials
 from spa_fo.rig.calibration import calibrate, drift
 from spa_fo.rig.spa_rig_log import parse_spa_rig_log

@@ -14,9 +14,9 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE
-from spa_fo.gap.fit.mixed import Normal, Prior, solve
 from spa_fo.gap.fit.repeated import _of_scatter, repeats_say, rest_of
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.numeric.mixed import Normal, Prior, solve
 
 Floats = NDArray[np.float64]
 ALIKE = np.array([0, 1, 0, 1, 0, 1, 2])  # two experiments run in turn, and one that is not repeated

@@ -13,13 +13,13 @@ import campaigns
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.bench import REST, Bench, bench_for
 from spa_fo.gap.fit.least_squares import starts
-from spa_fo.gap.fit.minimise import HOPE
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.search import explanations
 from spa_fo.gap.search.explanations import Explanations, _equal, _equals, _tried, explain
 from spa_fo.gap.search.fitted import begun, fit, settled
 from spa_fo.gap.search.screening import points_of, screen
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.numeric.minimise import HOPE
 from spa_fo.plant.effects.library import IDS, LIBRARY, ordered, rare
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 

@@ -15,7 +15,7 @@ import pytest
 
 from spa_fo._jit import njit_parallel
 from spa_fo.errors import BadInput
-from spa_fo.gap.together import each, team
+from spa_fo.together import each, team
 
 
 @pytest.fixture

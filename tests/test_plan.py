@@ -23,7 +23,6 @@ from spa_fo.cli import main
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.data.searched import at_rate, to_x, to_z
-from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.diagnosis import Cause
 from spa_fo.gap.noise.bench_noise import TYPICAL
 from spa_fo.gap.plan.advice import (
@@ -55,6 +54,7 @@ from spa_fo.plant.chain import chain_for
 from spa_fo.plant.effects.library import IDS, LIBRARY, absent
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
+from spa_fo.plant.sensor_curve import curve_columns
 from spa_fo.rig.command_profile import COLUMNS, read_profile
 
 FLOOR_DEG, FLOOR_KPA = 0.4, 0.5

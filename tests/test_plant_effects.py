@@ -15,8 +15,8 @@ import naive_plant as naive
 from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, triangle, vector
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
-from spa_fo.gap.data.alike import began_vented
 from spa_fo.gap.data.searched import at_rate
+from spa_fo.plant.alike import began_vented
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.drive_backlash import resting_kpa

@@ -22,7 +22,6 @@ from spa_fo.compare.expectation import best, noise_of
 from spa_fo.compare.fading_memory import FadingMemoryLaw
 from spa_fo.compare.misread import Misread, with_misread
 from spa_fo.compare.zero import at_rest_deg, moving_deg
-from spa_fo.gap.data.dropouts import without_dropouts
 from spa_fo.gap.data.evidence import Foreseen, largest_deg
 from spa_fo.gap.decide.examine import silent
 from spa_fo.gap.diagnose import diagnose
@@ -30,6 +29,7 @@ from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.gap.noise.bench_noise import NOWHERE, TYPICAL, Beyond
 from spa_fo.plant import Model
 from spa_fo.rig import CampaignData
+from spa_fo.rig.dropouts import without_dropouts
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]

@@ -25,7 +25,7 @@ from spa_fo.compare.fading_memory import (
     neighbours,
     telling,
 )
-from spa_fo.gap.data.alike import same_course
+from spa_fo.plant.alike import same_course
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

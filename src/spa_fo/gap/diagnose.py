@@ -41,7 +41,6 @@ from spa_fo.gap.claim.expected import (
     unsure_to_close,
     with_equivalents,
 )
-from spa_fo.gap.data.dropouts import dropout_finding
 from spa_fo.gap.data.evidence import noise_floor
 from spa_fo.gap.data.hold_out import HeldOut, hold_out, nothing_held_out, rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
@@ -57,6 +56,7 @@ from spa_fo.plant.effects.library import COMMONEST, LIBRARY
 from spa_fo.plant.effects.own import use_effects_of
 from spa_fo.plant.nominal_drive import driven_by
 from spa_fo.rig import CampaignData, read_campaign, read_trials
+from spa_fo.rig.dropouts import dropout_finding
 from spa_fo.validation import suggestion
 
 Progress = Callable[[str], None]

@@ -9,7 +9,6 @@ from pathlib import Path
 from spa_fo.atomic import filling, write_text
 from spa_fo.gap.diagnose import write_files
 from spa_fo.gap.diagnosis import Diagnosis
-from spa_fo.gap.together import each
 from spa_fo.report.diagnosis_figures import before_after_figure, gap_figure, ladder_figure
 from spa_fo.report.effect_words import phrase
 from spa_fo.report.headline import opening
@@ -29,6 +28,7 @@ from spa_fo.report.sections import (
 from spa_fo.report.stages_figure import has_stages, stages_figure
 from spa_fo.report.style import save_figure
 from spa_fo.report.verdict_words import verdict
+from spa_fo.together import each
 
 PAGE = "diagnosis.md"
 

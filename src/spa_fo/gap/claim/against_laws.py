@@ -14,13 +14,13 @@ from scipy.special import logsumexp
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import angle_part
 from spa_fo.gap.decide.verdict import Scored, Verdict, with_unknown
-from spa_fo.gap.fit.minimise import HOPE
 from spa_fo.gap.places.law_basis import ORDERED
 from spa_fo.gap.places.laws import fitted_laws, standing, weighed
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.explanations import WORTH_WEIGHING
 from spa_fo.gap.search.fitted import price
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.numeric.minimise import HOPE
 from spa_fo.plant.effects.library import LIBRARY, log_odds, rare
 
 

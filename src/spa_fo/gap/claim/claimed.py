@@ -22,7 +22,7 @@ from spa_fo.gap.decide.explanation import (
     explanation_of,
     simulate,
 )
-from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
+from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judged_anew
 from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.fit.bench import DWELL, Bench
 from spa_fo.gap.noise.coloured import level_spread
@@ -30,11 +30,11 @@ from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import fit, without_others
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.gap.together import each
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import ending_memory
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 from spa_fo.plant.lawful import TooSteep
+from spa_fo.together import each
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]
@@ -211,10 +211,11 @@ def held_to(verdict: Verdict, claimed: Claim, hardly: bool = False) -> Verdict:
     if hardly:
         none = sum(s.probability for s in verdict.scored if s.named in useless and _in_gap(s.named))
     none += (lost - none) * verdict.none / max(verdict.none + verdict.unknown, 1e-300)
-    scored = [replace(s, probability=0.0) if s.named in useless else s for s in verdict.scored]
-    scored = [s if s.named else replace(s, probability=s.probability + none) for s in scored]
-    scored.sort(key=lambda s: -s.probability)
-    again = judge(scored, verdict.unknown + lost - none, verdict.unknown_drive)
+    again = judged_anew(
+        verdict,
+        lambda s: 0.0 if s.named in useless else s.probability + (0.0 if s.named else none),
+        verdict.unknown + lost - none,
+    )
     if again.kind == "no_gap":
         return again
     unknown = "unknown" in (verdict.kind, again.kind)
@@ -235,8 +236,9 @@ def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdic
     """
     if verdict.kind != "no_gap":
         return verdict
-    scored = [s if s.named else replace(s, probability=0.0) for s in verdict.scored]
-    again = judge(scored, verdict.unknown + verdict.none, verdict.unknown_drive)
+    again = judged_anew(
+        verdict, lambda s: s.probability if s.named else 0.0, verdict.unknown + verdict.none
+    )
     if again.kind != "unknown":
         return again
     closed = {} if claimed is None else claimed.closed
@@ -262,12 +264,11 @@ def cause_of_too_large(verdict: Verdict, claimed: Claim) -> Verdict:
     lost = sum(s.probability for s in verdict.scored if s.named and s.named not in stands)
     unknown = verdict.unknown + lost if likely else 1.0
     total = likely + unknown
-    scored = [
-        replace(s, probability=s.probability / total if s.named in stands else 0.0)
-        for s in verdict.scored
-    ]
-    scored.sort(key=lambda s: -s.probability)
-    again = judge(scored, unknown / total, verdict.unknown_drive)
+    again = judged_anew(
+        verdict,
+        lambda s: s.probability / total if s.named in stands else 0.0,
+        unknown / total,
+    )
     return replace(again, sets=tuple(named for named in again.sets if named in stands))
 
 
@@ -287,14 +288,16 @@ def too_small_for_any(verdict: Verdict, own: bool = False) -> Verdict:
 
     within = {s.named for s in verdict.scored if is_within(s.named)}
     lost = sum(s.probability for s in verdict.scored if s.named in within)
-    scored = [replace(s, probability=0.0) if s.named in within else s for s in verdict.scored]
     of_drive = 0.0 if own else verdict.unknown * verdict.unknown_drive
     if verdict.kind == "unknown" and of_drive < 0.5 * verdict.unknown:
         return verdict
     lost, unknown = lost + of_drive, verdict.unknown - of_drive
-    scored = [s if s.named else replace(s, probability=s.probability + lost) for s in scored]
-    scored.sort(key=lambda s: -s.probability)
-    return judge(scored, unknown, verdict.unknown_drive if own else 0.0)
+    return judged_anew(
+        verdict,
+        lambda s: 0.0 if s.named in within else s.probability + (0.0 if s.named else lost),
+        unknown,
+        None if own else 0.0,
+    )
 
 
 def is_hardly_a_gap(gap_deg: float, floor_deg: float, repeats: int, own: bool = False) -> bool:

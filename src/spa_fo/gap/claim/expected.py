@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Literal
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.claim.claimed import CLEARLY, Claim, too_large_for_none
 from spa_fo.gap.data.evidence import Evidence
-from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judge
+from spa_fo.gap.decide.verdict import Kind, Verdict, judged_anew
 from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.settings import SETTINGS
@@ -61,11 +61,13 @@ def beyond_expected(
         return verdict
     unknown = something * (verdict.unknown + lost)
     none = verdict.unknown + lost - unknown
-    scored = [
-        replace(s, probability=trusted[s.named] if s.named else s.probability + none)
-        for s in verdict.scored
-    ]
-    again = _at_most(1.0 - something, scored, unknown, verdict.unknown_drive)
+    # Nothing is no more probable than the size alone says.
+    more = max(verdict.none + none - (1.0 - something), 0.0)
+    again = judged_anew(
+        verdict,
+        lambda s: trusted[s.named] if s.named else s.probability + none - more,
+        unknown + more,
+    )
     rests = {r for r in map(_but_drive, verdict.sets) if _stands(r, claimed)}
     known = {*verdict.sets, *rests}
     sets = tuple(named for named in again.sets if named in known and trusted[named])
@@ -107,21 +109,13 @@ def _but_drive(named: Ids) -> Ids:
     return tuple(name for name in named if LIBRARY[name].stage != "drive")
 
 
-def _at_most(none: float, scored: Sequence[Scored], unknown: float, of_drive: float) -> Verdict:
-    """Judge, nothing being no more probable than the size alone says: the rest is unknown."""
-    more = max(sum(s.probability for s in scored if not s.named) - none, 0.0)
-    capped = [s if s.named else replace(s, probability=s.probability - more) for s in scored]
-    return judge(sorted(capped, key=lambda s: -s.probability), unknown + more, of_drive)
-
-
 def _something(verdict: Verdict) -> Verdict:
     """Condition what is probable on that something has changed."""
     rest = verdict.unknown + sum(s.probability for s in verdict.scored if s.named)
-    scored = [
-        replace(s, probability=s.probability / rest if s.named else 0.0) for s in verdict.scored
-    ]
-    scored.sort(key=lambda s: -s.probability)
-    return replace(verdict, scored=tuple(scored), unknown=verdict.unknown / rest, none=0.0)
+    again = judged_anew(
+        verdict, lambda s: s.probability / rest if s.named else 0.0, verdict.unknown / rest
+    )
+    return replace(again, kind=verdict.kind, sets=verdict.sets)
 
 
 def _trust(named: Ids, size: float, whole: float, drive_size: float | None) -> float:
@@ -206,15 +200,15 @@ def times_missed_of_drive(everything: Evidence, beyond: Beyond) -> float | None:
 def unnamed(verdict: Verdict) -> Verdict:
     """Say of a change that it is there, and not what it is."""
     named = sum(s.probability for s in verdict.scored if s.named)
-    scored = [replace(s, probability=0.0) if s.named else s for s in verdict.scored]
-    scored.sort(key=lambda s: -s.probability)
-    return replace(judge(scored, verdict.unknown + named, verdict.unknown_drive), sets=())
+    again = judged_anew(
+        verdict, lambda s: 0.0 if s.named else s.probability, verdict.unknown + named
+    )
+    return replace(again, sets=())
 
 
 def not_compared(verdict: Verdict) -> Verdict:
     """Say that nothing is known of a campaign where its reference never was."""
-    scored = [replace(s, probability=0.0) for s in verdict.scored]
-    return replace(judge(scored, 1.0, 0.0), sets=())
+    return replace(judged_anew(verdict, lambda _: 0.0, 1.0, 0.0), sets=())
 
 
 def with_equivalents(verdict: Verdict, claimed: Claim, pressed: bool) -> Verdict:
@@ -260,10 +254,13 @@ def unsure_to_close(verdict: Verdict, claimed: Claim) -> Verdict:
 
 def _as_a_part(verdict: Verdict) -> Verdict:
     """Take what is named for a part of an unknown cause as probably as not."""
-    scored = [replace(s, probability=0.5 * s.probability) if s.named else s for s in verdict.scored]
-    lost = sum(s.probability for s in scored if s.named)
-    again = replace(judge(scored, verdict.unknown + lost, verdict.unknown_drive), kind="unknown")
-    return replace(again, sets=verdict.sets[:1])
+    half = 0.5 * sum(s.probability for s in verdict.scored if s.named)
+    again = judged_anew(
+        verdict,
+        lambda s: (0.5 if s.named else 1.0) * s.probability,
+        verdict.unknown + half,
+    )
+    return replace(again, kind="unknown", sets=verdict.sets[:1])
 
 
 def _by_the_sensor(named: Ids) -> bool:

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
-from spa_fo.gap.data.alike import began_vented, run_alike
-from spa_fo.gap.data.fixture import Fixture, fixture_of
-from spa_fo.gap.data.sensor_curve import SHORTEST, curve_sigma, curve_stretch_of, sigma_at
+from spa_fo.plant.alike import began_vented, run_alike
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, USUAL_RISE_S, Reach
+from spa_fo.plant.fixture import Fixture, fixture_of
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
+from spa_fo.plant.sensor_curve import SHORTEST, curve_sigma, curve_stretch_of, sigma_at
 from spa_fo.plant.stages import true_pressure
 from spa_fo.rig import Calibration, CampaignData, Trial
 

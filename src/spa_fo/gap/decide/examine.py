@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.data.dropouts import without_dropouts
 from spa_fo.gap.data.evidence import Evidence, angle_chain, collect, noise_floor, with_usual
 from spa_fo.gap.data.hold_out import HeldOut, hold_out
 from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure, with_nominal
@@ -26,6 +25,7 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 from spa_fo.rig import CampaignData
+from spa_fo.rig.dropouts import without_dropouts
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]

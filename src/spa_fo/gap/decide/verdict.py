@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -47,11 +47,24 @@ class Verdict:
         return next(s for s in self.scored if s.named == named)
 
 
-def judge(scored: Sequence[Scored], unknown: float, unknown_drive: float) -> Verdict:
-    """Turn probabilities, the largest first, into an answer; see `Verdict` for the last two."""
+def judge(scored: Iterable[Scored], unknown: float, unknown_drive: float) -> Verdict:
+    """Turn probabilities into an answer; see `Verdict` for the last two."""
+    scored = sorted(scored, key=lambda one: -one.probability)
     kind, standing = chosen([(one.named, one.probability) for one in scored], unknown)
     none = sum(one.probability for one in scored if not one.named)
     return Verdict(kind, standing, tuple(scored), unknown, none, unknown_drive)
+
+
+def judged_anew(
+    verdict: Verdict,
+    probability: Callable[[Scored], float],
+    unknown: float,
+    unknown_drive: float | None = None,
+) -> Verdict:
+    """Give explanations other probabilities, and judge them again; the drive's share stays."""
+    scored = [replace(one, probability=probability(one)) for one in verdict.scored]
+    of_drive = verdict.unknown_drive if unknown_drive is None else unknown_drive
+    return judge(scored, unknown, of_drive)
 
 
 def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, tuple[Ids, ...]]:
@@ -91,10 +104,9 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
 
 def with_unknown(verdict: Verdict, more: float) -> Verdict:
     """Let an unknown cause be by so much more probable beside all that adds up to 1."""
-    scored = [replace(one, probability=one.probability / (1.0 + more)) for one in verdict.scored]
-    unknown = verdict.unknown + more
+    unknown, whole = verdict.unknown + more, 1.0 + more
     of_drive = verdict.unknown_drive * verdict.unknown / max(unknown, 1e-12)
-    again = judge(scored, unknown / (1.0 + more), of_drive)
+    again = judged_anew(verdict, lambda s: s.probability / whole, unknown / whole, of_drive)
     if again.kind != "unknown":
         return replace(again, kind=verdict.kind, sets=verdict.sets)
     return replace(again, sets=tuple(named for named in again.sets if named in verdict.sets))

@@ -197,7 +197,6 @@ def decide(
         if named not in made or p > made[named].probability:
             made[named] = _scored(named, p, of_angle[a], of_drive.get(d), fast if line else None)
     scored = [replace(one, probability=joint[named]) for named, one in made.items()]
-    scored.sort(key=lambda s: -s.probability)
     share = unknown_drive / max(unknown_drive + unknown_angle + unknown_line, 1e-12)
     return judge(scored, 1.0 - certain, share)
 

@@ -18,10 +18,10 @@ from scipy.optimize import brentq, least_squares
 
 from spa_fo.fractional import step_response
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, quicker, searched_spread, to_x, to_z
-from spa_fo.gap.fit.lapack import forward
 from spa_fo.gap.noise.bench_noise import BenchNoise
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.identify import selection
+from spa_fo.numeric.lapack import forward
 from spa_fo.plant import PARAMETERS, Model
 from spa_fo.plant.paper import TABLE_I
 

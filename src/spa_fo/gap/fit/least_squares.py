@@ -21,10 +21,10 @@ from scipy.special import erfcx, log_ndtr
 
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, Slot
 from spa_fo.gap.fit.coefficients import Coefficients
-from spa_fo.gap.fit.lapack import forward
-from spa_fo.gap.fit.minimise import Minimum, Quadratic, free_of, minimise
-from spa_fo.gap.fit.mixed import WEAK, Normal, Prior, Solution, solve
 from spa_fo.gap.noise.whitening import Factor, Whitening
+from spa_fo.numeric.lapack import forward
+from spa_fo.numeric.minimise import Minimum, Quadratic, free_of, minimise
+from spa_fo.numeric.mixed import WEAK, Normal, Prior, Solution, solve
 from spa_fo.plant.effects.effect import Reach
 from spa_fo.plant.effects.library import LIBRARY, absent
 

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
-from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.fit.bench import BRANCH, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
-from spa_fo.gap.fit.mixed import WEAK
 from spa_fo.gap.fit.nuisances import (
     OF_TRIALS,
     most,
@@ -31,8 +29,10 @@ from spa_fo.gap.fit.nuisances import (
 from spa_fo.gap.noise.order import trend_shapes
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.numeric.mixed import WEAK
 from spa_fo.plant.effects.effect import PASSING
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
+from spa_fo.plant.sensor_curve import curve_columns
 from spa_fo.plant.specimen import Mounting
 from spa_fo.plant.stages import felt_angle
 

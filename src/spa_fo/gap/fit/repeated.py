@@ -20,10 +20,10 @@ from scipy.linalg import block_diag, helmert
 from scipy.special import logsumexp
 
 from spa_fo.gap.fit.bench import GAIN, TIME_SCALE
-from spa_fo.gap.fit.lapack import forward
-from spa_fo.gap.fit.mixed import Solution
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.numeric.lapack import forward
+from spa_fo.numeric.mixed import Solution
 
 Floats = NDArray[np.float64]
 

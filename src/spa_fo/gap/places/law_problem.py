@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.fit.least_squares import Linear
-from spa_fo.gap.fit.mixed import WEAK
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.fit.repeated import repeats_say, rest_of
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.places.law_basis import Basis
 from spa_fo.gap.search.fitted import Fitted
+from spa_fo.numeric.mixed import WEAK
 from spa_fo.plant.law import Law
 from spa_fo.plant.lawful import TooSteep, with_law
 

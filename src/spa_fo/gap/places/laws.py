@@ -19,7 +19,6 @@ from scipy.special import logsumexp
 
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.fit.bench import SHARES, Bench
-from spa_fo.gap.fit.mixed import Normal, Prior, Solution, solve
 from spa_fo.gap.fit.pressure import resolution, timing_error
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.fit.repeated import repeats_say, rest_of
@@ -34,9 +33,10 @@ from spa_fo.gap.places.law_basis import (
 from spa_fo.gap.places.law_problem import ROUNDS, LawFit, fit_law
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.gap.together import each
+from spa_fo.numeric.mixed import Normal, Prior, Solution, solve
 from spa_fo.plant.lawful import TooSteep
 from spa_fo.plant.memory import STEPS_S
+from spa_fo.together import each
 
 Floats = NDArray[np.float64]
 

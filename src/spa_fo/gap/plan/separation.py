@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.searched import HIGHEST, LN_GAIN, LOWEST, Slot, at_rate, to_x, to_z
-from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.decide.explanation import mounting_of
 from spa_fo.gap.noise.bench_noise import TYPICAL
 from spa_fo.gap.plan.profiles import Profile
@@ -28,6 +27,7 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
 from spa_fo.plant.memory import STEPS_S
+from spa_fo.plant.sensor_curve import curve_columns
 from spa_fo.plant.specimen import Memory
 from spa_fo.rig import Trial
 from spa_fo.rig.first_change import zero_until

@@ -17,9 +17,9 @@ from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import PressureNoise, between_repeats, pressure_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.gap.together import each
 from spa_fo.plant.effects.library import LIBRARY, absent, beside, ordered
 from spa_fo.plant.memory import FINEST_STEP_S
+from spa_fo.together import each
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]

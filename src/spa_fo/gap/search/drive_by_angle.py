@@ -14,13 +14,13 @@ import numpy as np
 from spa_fo.gap.data.evidence import angle_chain
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import Bench
-from spa_fo.gap.fit.minimise import HOPE
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.drive import Drive, DriveFit, drive_of
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import Fitted, begun, price, settled, weighed
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.gap.together import each
+from spa_fo.numeric.minimise import HOPE
+from spa_fo.together import each
 
 _NEAR = 60.0  # nats behind the best explanation of the pressure, which an angle may make up for
 _MOST = 4  # explanations of the pressure, the best among them

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
-from spa_fo.gap.fit.minimise import HOPE
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
 from spa_fo.gap.prior import further_price, log_prior
 from spa_fo.gap.search.fitted import (
@@ -43,8 +42,9 @@ from spa_fo.gap.search.screening import (
     screen,
 )
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.gap.together import Team, each, team
+from spa_fo.numeric.minimise import HOPE
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port, beside, ordered, rare
+from spa_fo.together import Team, each, team
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]

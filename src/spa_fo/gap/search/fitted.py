@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo.gap.data.searched import to_x
-from spa_fo.gap.data.sensor_curve import curve_columns
 from spa_fo.gap.fit.bench import LEVELS, LINE, SHARES, Bench, level_prior
-from spa_fo.gap.fit.minimise import Minimum
-from spa_fo.gap.fit.mixed import Solution
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated
 from spa_fo.gap.fit.repeated import repeats_say, rest_of
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.numeric.minimise import Minimum
+from spa_fo.numeric.mixed import Solution
 from spa_fo.plant.effects.library import LIBRARY, at_port
+from spa_fo.plant.sensor_curve import curve_columns
 
 Floats = NDArray[np.float64]
 Ids = tuple[str, ...]

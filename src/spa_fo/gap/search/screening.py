@@ -16,11 +16,11 @@ from scipy.optimize import lsq_linear
 
 from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.bench import Bench
-from spa_fo.gap.fit.lapack import forward
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.search.fitted import Fitted, problem_of, variants
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.numeric.lapack import forward
 from spa_fo.plant.effects.effect import Effect
 from spa_fo.plant.effects.library import LIBRARY, log_odds, ordered
 from spa_fo.plant.grid import CampaignGrid

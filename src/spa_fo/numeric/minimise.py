@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from spa_fo.gap.fit.lapack import definite, is_definite
+from spa_fo.numeric.lapack import definite, is_definite
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

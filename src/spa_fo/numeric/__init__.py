@@ -1,0 +1,1 @@
+"""Penalised least squares and mixed linear models; nothing of actuators."""
