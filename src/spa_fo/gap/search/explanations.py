@@ -102,11 +102,9 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     linear, chained = _to_try(bench, excluded)
     again = at_port("coefficients", excluded)
     alone = [((n,), [plain.z]) for n in linear]
-    # What repeats say of their order no score test shows: it may hide in the trials' scatter.
-    by_order = [n for n in chained if "order" in LIBRARY[n].shown_in and not rare(n)]
     with team(bench) as ours:
         (shown,) = _screened(ours, [(plain, chained)])
-        promising = dict.fromkeys([*first_of(shown, _SINGLES), *by_order])
+        promising = dict.fromkeys([*first_of(shown, _SINGLES), *_by_order(chained)])
         alone += [((n,), points_of(shown, n)) for n in promising]
         if again is not None and not bench.own:
             alone.append(((again,), [plain.z]))
@@ -213,13 +211,19 @@ def _beside(
     more: dict[Ids, list[Floats]] = {}
     shown = _screened(ours, [(host, beside(host.ids, chained)) for host in hosts])
     for host, seen in zip(hosts, shown, strict=True):
-        for name in first_of(seen, _BESIDE):
+        # What goes with the trials' order may hide in their scatter beside a host, too.
+        for name in dict.fromkeys([*first_of(seen, _BESIDE), *_by_order(one.name for one in seen)]):
             more.setdefault(ordered((*host.ids, name)), points_of(seen, name)[:1])
         for name in linear:
             if name not in host.ids:
                 more.setdefault(ordered((*host.ids, name)), [host.z])
     best = max(hosts, key=lambda f: f.quick, default=plain)
     return _fits(ours, list(more.items()), plain, best)
+
+
+def _by_order(names: Iterable[str]) -> list[str]:
+    """List effects that go with the trials' order: no score test shows what repeats say of it."""
+    return [n for n in names if "order" in LIBRARY[n].shown_in and not rare(n)]
 
 
 def _screened(ours: Team, wanted: Sequence[tuple[Fitted, Sequence[str]]]) -> list[list[Shown]]:
