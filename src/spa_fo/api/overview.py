@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spa_fo.api.show import text_table
+from spa_fo.arrays import Floats
 from spa_fo.rig import CampaignData, Experiment, Trial
 from spa_fo.rig.first_change import before_first_change
 
-Floats = NDArray[np.float64]
 Range = tuple[float, float]
 
 COLUMNS = (

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.compare.bounds import hold_to_bounds
 from spa_fo.compare.expectation import Expected, of_a_day
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal
@@ -26,8 +27,6 @@ from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import predict_augmented
 from spa_fo.rig import CampaignData, Trial
-
-Floats = NDArray[np.float64]
 
 _LOWEST = 0.01  # quantile of a log's pressure: at rest, if it ever was
 

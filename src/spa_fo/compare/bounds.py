@@ -14,17 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Bools, Floats, Integers
 from spa_fo.compare.expectation import Expected, of_a_day
 from spa_fo.compare.fading_memory import ROOM, FadingMemoryLaw, Signal, inputs, telling
 from spa_fo.compare.learning import ways
 from spa_fo.compare.misread import CLEARLY, LEAST, LEAST_S
 from spa_fo.rig import Trial
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 _MOST = 2000  # moments of a reference: memory
 _AT_ONCE = 500  # of those that are asked for: memory

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.angle_law import AngleKnown, know_angle
 from spa_fo.compare.drive_law import know_drive, shows_drive
@@ -31,7 +31,6 @@ from spa_fo.plant import Model
 from spa_fo.rig import CampaignData
 from spa_fo.rig.dropouts import without_dropouts
 
-Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 SCHEMA = "spa-fo/comparison/1"

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.compare.expectation import WHITE, expected_rms, noise_of
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal
 from spa_fo.compare.learning import learn
@@ -15,8 +15,6 @@ from spa_fo.gap.noise.bench_noise import TYPICAL
 from spa_fo.gap.noise.coloured import Spectrum
 from spa_fo.plant.grid import acting_command
 from spa_fo.rig import CampaignData, Trial
-
-Floats = NDArray[np.float64]
 
 _JUMP = 0.02  # of the commands' range, from one sample to the next
 _ABOUT = 5  # samples about it

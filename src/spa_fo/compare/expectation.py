@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.compare.fading_memory import FadingMemoryLaw, Signal
 from spa_fo.gap.noise.bench_noise import TYPICAL
 from spa_fo.gap.noise.coloured import Scatter, Spectrum, estimate, misfit, scatter
 
-Floats = NDArray[np.float64]
 Expected = tuple[Floats, Floats]
 """What is expected of each of the rows of a trial, and its deviation."""
 

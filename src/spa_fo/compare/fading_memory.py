@@ -14,13 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.spatial import cKDTree
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from spa_fo.arrays import Bools, Floats, Integers
 
 MOST_ASKED = 4000  # of a campaign; what is between is interpolated
 NEAREST = 32

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.compare.fading_memory import (
     MOST_ASKED,
     NEAREST,
@@ -26,9 +26,6 @@ from spa_fo.compare.fading_memory import (
     telling,
 )
 from spa_fo.plant.alike import same_course
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MOST_SAMPLES = 4000  # that are learned from
 _MOST_TRIED = 500  # by which hyperparameters are chosen, of each way to leave out

@@ -14,17 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Bools, Floats, Integers
 from spa_fo.gap.data.evidence import A_GAP
 from spa_fo.gap.diagnosis import Cause, Diagnosis, Step
 from spa_fo.gap.plan.next_steps import in_words
 from spa_fo.plant.effects.effect import STAGES
 from spa_fo.rig import CampaignData, Trial
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 LEAST_S, LEAST = 0.5, 10  # of one value
 _LONGER = 3.0  # than any in the reference, in samples: there a quiet converter repeats itself, too

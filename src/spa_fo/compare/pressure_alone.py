@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.blas import one_blas_thread
 from spa_fo.compare.compare import Comparison
 from spa_fo.compare.drive_law import know_drive, shows_drive
@@ -31,11 +32,9 @@ from spa_fo.gap.search.drive import Drive, DriveFit, examine_drive
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model, TransferFunction
 from spa_fo.plant.effects.effect import STAGES
-from spa_fo.plant.effects.library import COMMONEST, LIBRARY
+from spa_fo.plant.effects.library import COMMONEST, LIBRARY, Ids
 from spa_fo.rig import CampaignData
 
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 Progress = Callable[[str], None]
 
 _QUICK = (1.9, 0.9, 20.0, 100.0)  # of what stands for an actuator: it follows in 0.2 s

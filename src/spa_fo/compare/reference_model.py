@@ -6,15 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.identify import fit_campaign
 from spa_fo.identify.whole_log import input_of
 from spa_fo.plant import Model
 from spa_fo.rig import CampaignData, Trial
-
-Floats = NDArray[np.float64]
 
 _AT_REST = 0.05  # of the range of the input, from its lowest
 _TURNED = (

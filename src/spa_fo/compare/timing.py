@@ -10,13 +10,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.compare.fading_memory import FadingMemoryLaw
 from spa_fo.compare.learning import beyond_scatter
 from spa_fo.rig import Trial
-
-Floats = NDArray[np.float64]
 
 _LEAST_S = 1e-4  # between samples: what is logged at one moment has no rate without end
 _MOST = 2.0  # intervals between samples: what is later than that is no error of timing. Assumed.

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.export.approximation import Approximation, Band
 from spa_fo.export.discrete import DiscreteFilter
 from spa_fo.export.fitted import exact_response
 from spa_fo.export.oustaloup import Operator
 from spa_fo.fractional import step_response
 from spa_fo.plant import TransferFunction
-
-Floats = NDArray[np.float64]
 
 _POINTS = 300
 _TIMES = 120

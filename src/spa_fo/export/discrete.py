@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvals
 from scipy.signal import cont2discrete
 
-from spa_fo.export.rational import Complexes, Floats, Rational, paired
+from spa_fo.arrays import Floats
+from spa_fo.export.rational import Complexes, Rational, paired
 
 HOLDS = ("zoh", "tustin")
 _REAL = 1e-3  # relative imaginary part of two zeros that coincide but for rounding

@@ -10,14 +10,12 @@ doi:10.1109/61.772353) with these constraints built in instead of mended afterwa
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from spa_fo.arrays import Floats
 from spa_fo.export.oustaloup import whole_part
 from spa_fo.export.rational import Complexes, Rational
 from spa_fo.plant import TransferFunction
-
-Floats = NDArray[np.float64]
 
 _POINTS = 120
 _EVALUATIONS = 120

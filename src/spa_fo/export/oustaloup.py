@@ -17,12 +17,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.export.rational import Complexes, Rational
 from spa_fo.plant import TransferFunction
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

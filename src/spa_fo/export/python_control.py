@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spa_fo.export.rational import Floats
+from spa_fo.arrays import Floats
 
 if TYPE_CHECKING:
     from control import StateSpace

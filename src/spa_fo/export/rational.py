@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
-Floats = NDArray[np.float64]
+from spa_fo.arrays import Floats
+
 Complexes = NDArray[np.complex128]
 
 

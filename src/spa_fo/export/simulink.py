@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from spa_fo.export.rational import Complexes, Floats
+from spa_fo.arrays import Floats
+from spa_fo.export.rational import Complexes
 
 if TYPE_CHECKING:
     from spa_fo.export.exported import Exported

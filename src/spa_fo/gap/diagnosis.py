@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.plant import Model
 from spa_fo.plant.effects.effect import Reach
+from spa_fo.plant.effects.library import Ids
 from spa_fo.plant.law import PLACES
 
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 SCHEMA = "spa-fo/diagnosis/1"
 _KEYS = (
     *("schema", "campaign", "seed", "provenance", "reference_kpa", "excluded"),

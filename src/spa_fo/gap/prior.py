@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, at_port, log_odds
-
-Ids = tuple[str, ...]
+from spa_fo.plant.effects.library import LIBRARY, Ids, at_port, log_odds
 
 
 def log_prior(ids: Ids) -> float:

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.fractional import ResponseMap, step_map
 from spa_fo.identify.bounds import Bounds
 from spa_fo.identify.fit_campaign import campaign_steps
@@ -27,8 +28,6 @@ from spa_fo.identify.protocol import StepData
 from spa_fo.plant.estimates import QUANTITIES
 from spa_fo.plant.paper import POINTS, TRIALS
 from spa_fo.rig import CampaignData
-
-Floats = NDArray[np.float64]
 
 ALL = "all"
 """Name of the group of all experiments together."""

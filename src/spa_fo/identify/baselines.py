@@ -12,16 +12,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from spa_fo.arrays import Floats
 from spa_fo.identify.protocol import StepData
 from spa_fo.identify.whole_log import LogData, held_response
 from spa_fo.plant.ludwick import Ludwick, ludwick_step
 from spa_fo.plant.paper import DAMPING_RATIO, NATURAL_FREQUENCY
 from spa_fo.plant.second_order import second_order_step
 
-Floats = NDArray[np.float64]
 StepFunction = Callable[[Floats, float], Floats]
 """(times in s, height of the step u) to the angle in rad."""
 

@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.paper import BOUNDS, TABLE_I
 from spa_fo.plant.transfer_function import ORDER_LIMIT, PARAMETERS
-
-Floats = NDArray[np.float64]
 
 ORDER_GAP = 0.02
 """The orders are kept this far apart, and from 0 and 2: closer they are one and the same."""

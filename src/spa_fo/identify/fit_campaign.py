@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.blas import one_blas_thread
 from spa_fo.errors import BadInput
 from spa_fo.fractional import simulate, step_map
@@ -29,9 +29,6 @@ from spa_fo.plant.estimates import KEY, uncertainty_entry
 from spa_fo.plant.paper import POINTS
 from spa_fo.rig import CampaignData, Trial
 from spa_fo.rig.plausibility import stands_still
-
-Floats = NDArray[np.float64]
-
 
 _RISEN_FIRST = 0.3  # of a response, at its first point
 

@@ -14,13 +14,11 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from spa_fo._jit import njit, njit_parallel
+from spa_fo.arrays import Floats
 from spa_fo.fractional import WORK_ROWS, MapArrays, response_on_map
 from spa_fo.identify.protocol import StepData
-
-Floats = NDArray[np.float64]
 
 
 class Target(NamedTuple):

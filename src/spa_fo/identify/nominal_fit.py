@@ -17,12 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from spa_fo.arrays import Bools, Floats
 from spa_fo.errors import BadInput
 from spa_fo.plant.nominal_drive import NominalDrive, begins_kpa
 from spa_fo.rig import CampaignData, Trial
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _KNOTS = (2, 3, 5, 8)
 _BINS = 100  # of the commands' range: nearer ones are one level

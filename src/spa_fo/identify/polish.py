@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo._jit import njit, njit_parallel
+from spa_fo.arrays import Floats
 from spa_fo.fractional import (
     WORK_ROWS,
     MapArrays,
@@ -30,8 +31,6 @@ from spa_fo.identify.protocol import StepData
 from spa_fo.identify.small_swarm import small_swarm
 from spa_fo.plant.paper import SWARM_ATTRACTION
 from spa_fo.plant.transfer_function import TransferFunction
-
-Floats = NDArray[np.float64]
 
 PARTICLES = 40
 ITERATIONS = 10

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.plant.paper import POINTS
 from spa_fo.rig import Trial
-
-Floats = NDArray[np.float64]
 
 STEP_PROTOCOLS = ("step", "step_release")
 # A change of the command counts when it is larger than this fraction of the trial's range of it.

@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.fractional import ResponseMap, step_map
 from spa_fo.identify.baselines import (
     Baseline,
@@ -30,8 +30,6 @@ from spa_fo.identify.protocol import StepData, paper_selection
 from spa_fo.identify.swarm import swarm_on_map
 from spa_fo.plant.paper import DATASETS, SWARM_ITERATIONS, SWARM_PARTICLES, TABLE_I
 from spa_fo.plant.transfer_function import PARAMETERS
-
-Floats = NDArray[np.float64]
 
 NEAR_OPTIMUM = 1.01
 """A swarm has found the optimum when its RMSE is below this times the least one."""

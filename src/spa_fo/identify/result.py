@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.identify.curve_choice import CurveChoice
 from spa_fo.identify.drive_fit import KEY as DRIVE
 from spa_fo.identify.drive_fit import DriveFit
@@ -18,8 +18,6 @@ from spa_fo.identify.selection import OrderComparison
 from spa_fo.identify.uncertainty import Uncertainty
 from spa_fo.plant import PARAMETERS, Model
 from spa_fo.plant.estimates import QUANTITIES, Estimate, bare_estimates
-
-Floats = NDArray[np.float64]
 
 ON_STEPS = "up-steps"
 ON_WHOLE_LOGS = "whole logs"

@@ -20,16 +20,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.fractional import simulate, step_map
 from spa_fo.identify.baselines import Baseline, fit_first_order, fit_on_logs, fit_second_order
 from spa_fo.identify.polish import Optimum
 from spa_fo.identify.protocol import StepData
 from spa_fo.identify.whole_log import LogData, held_response
 from spa_fo.plant.transfer_function import PARAMETERS
-
-Floats = NDArray[np.float64]
 
 KEY = "orders"
 """Key of a model file that holds the comparison."""

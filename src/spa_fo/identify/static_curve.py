@@ -13,9 +13,9 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from spa_fo.arrays import Floats
 from spa_fo.fractional import ResponseMap, input_map
 from spa_fo.identify.bounds import Bounds
 from spa_fo.identify.polish import Optimum
@@ -29,8 +29,6 @@ from spa_fo.plant.static_curve import (
     level_reached,
     mean_weights,
 )
-
-Floats = NDArray[np.float64]
 
 ALIKE = 1.5
 """Prior standard deviation of the change of the log slope from the first knot to the last.

@@ -15,8 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.fractional import ResponseMap, step_map
 from spa_fo.identify.bounds import Bounds
 from spa_fo.identify.fitness import Target, swarm_rmse, target_of
@@ -27,8 +27,6 @@ from spa_fo.plant.paper import (
     SWARM_ITERATIONS,
     SWARM_PARTICLES,
 )
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri  # scipy.stats takes a third of a second to import
 
+from spa_fo.arrays import Floats
 from spa_fo.fractional import ResponseMap, step_map
 from spa_fo.identify.noise import Noise, trial_noise
 from spa_fo.identify.polish import Draws, Optimum, fit_many
 from spa_fo.identify.protocol import StepData
 from spa_fo.plant.estimates import QUANTITIES
 from spa_fo.plant.transfer_function import PARAMETERS
-
-Floats = NDArray[np.float64]
 
 DETERMINED_WITHIN = 0.10
 """Half-width of the 95 % interval, relative, below which a quantity counts as determined."""

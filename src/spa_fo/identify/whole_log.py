@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.fractional import Hold, ResponseMap, input_map
 from spa_fo.identify.bounds import ORDER_GAP, Bounds, free_bounds
 from spa_fo.identify.polish import Optimum
 from spa_fo.plant import PARAMETERS
 from spa_fo.rig import Trial
-
-Floats = NDArray[np.float64]
 
 SIGNALS = ("command", "pressure")
 # Where a command holds until the next sample, a pressure is sampled from a smooth curve.

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-Floats = NDArray[np.float64]
+from spa_fo.arrays import Floats
+
 Numbers = NDArray[np.floating[Any]]
 
 

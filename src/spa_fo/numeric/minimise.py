@@ -19,12 +19,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Bools, Floats
 from spa_fo.numeric.lapack import definite, is_definite
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _DAMPING = 5.0  # where it starts, against the prior: few points are rejected, and few needed
 _MOST_BENT = 0.75

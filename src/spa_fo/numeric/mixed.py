@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, lapack
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from spa_fo.arrays import Floats, Integers
 
 WEAK = 2.0
 """Degrees of freedom that a variance's prior is worth where nothing was measured of it."""

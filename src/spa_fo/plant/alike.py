@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Bools, Floats, Integers
 from spa_fo.plant.grid import CampaignGrid
 from spa_fo.plant.memory import FINEST_STEP_S
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # Of an input's range, by which a command has begun, and a measured pressure; what a delay of a
 # trial's own tells, s; of the largest input, by which two courses, on average, and their begins may

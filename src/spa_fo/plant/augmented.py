@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain, chain_for
 from spa_fo.plant.effects.effect import Effect, Parameter
@@ -24,8 +24,6 @@ from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import Campaign, CampaignData, Trial
 from spa_fo.validation import suggestion
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Source = Path | str
 
 _LISTED = "zeros_deg"  # key of a slipping sensor's zeros, by order

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Bools, Floats, Integers
 from spa_fo.plant.effects.actuator import move
 from spa_fo.plant.effects.channel_latency import read_earlier, smeared
 from spa_fo.plant.effects.drive_backlash import resting_kpa
@@ -24,10 +24,6 @@ from spa_fo.plant.grid_steps import rest_levels
 from spa_fo.plant.memory import STEPS_S, Contour, contour_for, kept_or_chosen, rises
 from spa_fo.plant.specimen import Memory, Mounting
 from spa_fo.plant.stages import felt_angle, logged_angle, moving_pressure, true_pressure
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 _LATENCY = LIBRARY["channel_latency"].slots
 _SLIP = LIBRARY["sensor_slip"].slots

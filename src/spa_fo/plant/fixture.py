@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.chain import log_delays
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.shared import CREEP_TIMES_S
@@ -17,9 +18,6 @@ from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.specimen import Mounting
 from spa_fo.plant.stages import felt_angle
 from spa_fo.rig import Calibration, Dwell
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _WINDOWS = 4  # of a calibration dwell
 _STEP_LEVEL = 1  # of the fixture's simulation: 0.04 s

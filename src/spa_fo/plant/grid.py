@@ -12,16 +12,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.errors import BadInput
 from spa_fo.plant.grid_steps import rest_levels, step_levels
 from spa_fo.plant.lost_rows import command_times
 from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S, means_over, read_rows
 from spa_fo.rig import Trial
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _LONGEST = 3  # level of the longest step within a trial: 0.16 s
 _REST_S = 1.0  # what is shorter between two trials is no rest. Assumed

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.memory import FINEST_STEP_S, LEVELS
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _JUMP = 0.02  # of the largest input, within one cell
 _CORNER = 0.02  # of the largest input, by which it leaves its line within `_CORNER_S`

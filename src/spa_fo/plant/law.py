@@ -17,16 +17,13 @@ from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.errors import BadInput
 from spa_fo.plant.memory import FINEST_STEP_S
 from spa_fo.validation import suggestion
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 LAW = "law"
 """The id of a law in a model's list of effects."""

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.memory import STEPS_S, coast, keep_modes, push, rises, stepper
 
-Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-Integers = NDArray[np.int64]
 
 MOMENT, DAMPING, RELAXATION = range(3)
 """What a law is of: the middle of a step, its rate, or what is left of all changes."""

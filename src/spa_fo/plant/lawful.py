@@ -12,8 +12,8 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.errors import BadInput
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import LIBRARY
@@ -22,9 +22,6 @@ from spa_fo.plant.law import Law, Past
 from spa_fo.plant.law_kernel import DAMPING, MOMENT, RELAXATION, follow
 from spa_fo.plant.memory import STEPS_S, kept_or_chosen, rises
 from spa_fo.plant.specimen import Memory
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _ROUNDS, _PATIENCE = 40, 5  # of the fixed point; turns that may not come nearer
 _SETTLED_DEG = 1e-6

@@ -10,11 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.rig import Trial
-
-Floats = NDArray[np.float64]
 
 _LOST = 1.5  # intervals between two rows with one missing in between
 _JUMP = 0.03  # of the largest command

@@ -27,11 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spa_fo._jit import njit, njit_inlined
+from spa_fo.arrays import Floats, Integers
 from spa_fo.fractional.characteristic import cexp, find_pole
 
-Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-Integers = NDArray[np.int64]
 
 FINEST_STEP_S = 0.02
 LEVELS = 18  # the longest step is 44 min

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spa_fo._jit import njit
-
-Floats = NDArray[np.float64]
+from spa_fo.arrays import Floats
 
 _STEEPEST = 3.0  # times the first chord, of an end where the curve turns round
 

@@ -13,16 +13,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.plant.memory import FINEST_STEP_S
 from spa_fo.plant.model_file import Model
 from spa_fo.rig import CampaignData, Trial
 from spa_fo.rig.first_change import before_first_change
-
-Floats = NDArray[np.float64]
 
 KEY = "nominal_drive"
 """Key of a model file that holds it: its `command` is then no pressure."""

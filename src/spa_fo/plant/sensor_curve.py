@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import USUAL_DEG
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SPLINES
 from spa_fo.rig import Calibration
-
-Floats = NDArray[np.float64]
 
 SHORTEST = 0.01
 """Of the usual reach: a campaign of noise alone has some, too."""

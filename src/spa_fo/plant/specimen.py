@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.hysteresis import STOPS
 from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS
 from spa_fo.plant.effects.shared import CREEP_TIMES_S
 from spa_fo.plant.memory import MODES
 from spa_fo.plant.monotone import monotone_at, monotone_slopes
-
-Floats = NDArray[np.float64]
 
 FILM = 5 + CREEP_TIMES_S.size
 """Numbers in the state of a sensor's film."""

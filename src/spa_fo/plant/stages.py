@@ -6,15 +6,12 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.own import acted, acting
 from spa_fo.plant.effects.sensor import read_angle
 from spa_fo.plant.memory import FINEST_STEP_S, STEPS_S
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _RESTED = 8  # readings at rest that a short series begins with
 _KEPT, _MOST, _SETTLED = 5, 60, 1e-8  # of a search for the load that fits the angle that it makes

@@ -17,14 +17,12 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.fractional import Hold, simulate
 from spa_fo.plant.model_file import Model
 from spa_fo.validation import suggestion
-
-Floats = NDArray[np.float64]
 
 BEFORE, BEHIND = "before", "behind"
 POSITIONS = (BEFORE, BEHIND)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, FigureBase
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.diagnosis import Diagnosis, Traces
 from spa_fo.report.causes import MOST_CAUSES, named, percent, plain_held_out, probability_of
 from spa_fo.report.effect_words import MAP_WORDS, bin_words, phrase
@@ -37,8 +36,6 @@ from spa_fo.report.style import (
     new_figure,
     styled,
 )
-
-Floats = NDArray[np.float64]
 
 _COLUMNS = 3
 _LABEL_WIDTH = 44  # characters

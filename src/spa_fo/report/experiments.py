@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.diagnosis import Traces
-
-Floats = NDArray[np.float64]
 
 _MOST_PANELS = 9
 

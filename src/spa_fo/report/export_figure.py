@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from spa_fo.arrays import Floats
 from spa_fo.export import Exported
 from spa_fo.export.accuracy import exact_step
 from spa_fo.export.fitted import exact_response
-from spa_fo.export.rational import Complexes, Floats
+from spa_fo.export.rational import Complexes
 from spa_fo.report.style import (
     BLUE,
     GREY,

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from spa_fo.arrays import Floats
 from spa_fo.identify.goodness import fit_percent, rms_error
 from spa_fo.identify.uncertainty import LEVELS
 from spa_fo.report.style import (
@@ -28,8 +28,6 @@ from spa_fo.report.style import (
     styled,
 )
 from spa_fo.rig import Calibration, Drift
-
-Floats = NDArray[np.float64]
 
 _PANELS_A_ROW = 3
 _LETTERS = 26

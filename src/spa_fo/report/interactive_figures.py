@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from plotly import graph_objects as go
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.diagnosis import Diagnosis
 from spa_fo.report.experiments import Experiment, driving, experiments, has_command, worst
 from spa_fo.report.style import BLACK, BLUE, GREEN, GREY, VERMILION
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 MOST_EXPERIMENTS = 12
 """Experiments to choose from: those of the largest gap."""

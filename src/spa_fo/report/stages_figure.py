@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator, ScalarFormatter
-from numpy.typing import NDArray
 
 from spa_fo.gap.diagnosis import Diagnosis, Traces
 from spa_fo.report.diagnosis_figures import DOTS, LOOKS, has_explanation, panels_by_name
@@ -23,7 +22,6 @@ from spa_fo.report.style import (
     styled,
 )
 
-Floats = NDArray[np.float64]
 _MOST_STAGE_PANELS = 3
 _LINEAR_KPA = 5.0
 

@@ -12,11 +12,10 @@ import numpy.typing as npt
 from scipy.interpolate import BSpline, PchipInterpolator, make_interp_spline
 from scipy.optimize import isotonic_regression
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.rig.dwells import Direction, Dwell, both_ways, count_at, find_dwells, variance_at, ways
 from spa_fo.rig.smooth_knots import Series, smoother
-
-Floats = npt.NDArray[np.float64]
 
 _WORST_FOLD = 0.2  # of the counts' range: knots farther off a monotone curve are no noise
 _BEYOND = 0.5  # of the counts' range: as far as an error of the known angles is followed

@@ -11,13 +11,13 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.places import campaign_folder
 from spa_fo.rig import checksums
 from spa_fo.rig.log_format import ANGLES, NO_UNIT, LogFormat, log_format
 from spa_fo.validation import load_yaml, package_schema, validate
 
-Floats = npt.NDArray[np.float64]
 Protocol = Literal["step", "step_release", "staircase", "triangle", "hold", "free"]
 
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.rig.delimited import Table
 from spa_fo.rig.log_format import DATETIME, Column
 from spa_fo.rig.units import Kind, Unit, unit_of_name
 
-Floats = npt.NDArray[np.float64]
 # Words in the languages of the logs met so far, as the parts of a name: t_s is t and s.
 _WORDS = {
     "time": "t time timestamp clock elapsed zeit tijd temps micros millis sec secs seconds",

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.rig import timestamps
 from spa_fo.rig.csv_header import Row, locate, take_header
@@ -25,7 +26,6 @@ from spa_fo.rig.log_format import DATETIME, Column, LogFormat
 from spa_fo.rig.parse_report import FileReport, Tally
 from spa_fo.rig.timestamps import unwrapped
 
-Floats = npt.NDArray[np.float64]
 # To seconds, kilopascals (gauge), degrees; "1" is taken as it is.
 UNITS = {
     "s": 1.0,

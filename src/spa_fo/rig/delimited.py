@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.rig.fields import (
     DECIMAL_COMMA,
@@ -29,7 +29,6 @@ from spa_fo.rig.timestamps import guess_format, unwrapped
 from spa_fo.rig.timestamps import reader as stamp_reader
 from spa_fo.rig.units import read_unit
 
-Floats = npt.NDArray[np.float64]
 Row = Sequence[str]
 
 _DELIMITERS = ("\t", ";", ",", "|", "whitespace")

@@ -9,8 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.places import log_folder
 from spa_fo.rig import checksums
@@ -22,8 +22,6 @@ from spa_fo.rig.log_format import DATETIME, Column, LogFormat
 from spa_fo.rig.protocol_guess import guess_protocol, same_command
 from spa_fo.rig.raw import read_bytes
 from spa_fo.rig.timestamps import has_date
-
-Floats = npt.NDArray[np.float64]
 
 WRITTEN = ("campaign.yaml", checksums.NAME, "overview.png")
 _NO_LOGS = re.compile(

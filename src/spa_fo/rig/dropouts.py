@@ -9,14 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.stats import norm
 
+from spa_fo.arrays import Bools, Floats
 from spa_fo.rig import CampaignData, Trial
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Samples about one, of which two may be off, and those that say how it moves; times noise, and what
 # moves from sample to sample, that none is off; s and samples after a jump of the input, a share of

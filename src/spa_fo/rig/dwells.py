@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from spa_fo.arrays import Floats
+
 Direction = Literal["up", "down"]
 
 _SETTLED = 0.5  # the part of a dwell, from its end, that counts as settled

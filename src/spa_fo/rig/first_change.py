@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from spa_fo.arrays import Floats
 
 _COMMAND, _PRESSURE = 0.02, 0.05  # of its range, by which it has left its first value
 

@@ -7,14 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.rig.column_traits import BY_NAME, ColumnTraits, traits_of, written_unit
 from spa_fo.rig.csv_log import longest_increasing
 from spa_fo.rig.delimited import Table
 from spa_fo.rig.log_format import DATETIME, Column
-
-Floats = npt.NDArray[np.float64]
 
 _TIME_UNITS = ("s", "ms", "us", DATETIME)
 _PRESSURE_UNITS = ("Pa", "hPa", "kPa", "bar", "psi")

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.rig.csv_log import CsvLog, read_csv_log
 from spa_fo.rig.delimited import Table, read_table
@@ -20,8 +20,6 @@ from spa_fo.rig.parse_report import FileReport
 from spa_fo.rig.raw import read_bytes
 from spa_fo.rig.spa_rig_log import SpaRigLog, parse_spa_rig_log
 from spa_fo.rig.wire import Banner, LineParser, is_banner
-
-Floats = npt.NDArray[np.float64]
 
 _HEAD_LINES = 50  # within which a spa-rig log has its banner
 _RIG_ROLES = {"cmd_kpa": "command", "p_adc": "pressure", "angle_deg": "angle"}

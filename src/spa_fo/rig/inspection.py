@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import yaml
 
+from spa_fo.arrays import Floats
 from spa_fo.rig.delimited import Table
 from spa_fo.rig.guess_columns import Guess
 from spa_fo.rig.log_format import Column, LogFormat
@@ -20,7 +20,6 @@ from spa_fo.rig.parse_report import FileReport
 from spa_fo.rig.trials import dropouts
 from spa_fo.rig.wire import Banner
 
-Floats = npt.NDArray[np.float64]
 PAUSE = 5.0  # usual steps: longer ones are pauses, as in the readers' reports
 ROLES = ("command", "pressure", "angle", "flex_adc")
 MEASURED = ("pressure", "angle", "flex_adc")

@@ -13,11 +13,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.rig.calibration import Calibration
 from spa_fo.rig.campaign import PressureSensor
 from spa_fo.rig.spa_rig_log import SpaRigLog
 
-Floats = npt.NDArray[np.float64]
 Level = Literal["ok", "warning", "fault"]
 
 USUAL_SENSOR = PressureSensor((0.5, 4.5), (0.0, 551.6), 5000, 1023)

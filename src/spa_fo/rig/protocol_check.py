@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from spa_fo.arrays import Floats
 
 _MOVING = 0.005  # of the command's range, from one sample to the next
 _CHANGE = 0.05  # of the range: the smallest change that counts

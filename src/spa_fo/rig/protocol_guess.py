@@ -5,12 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.rig.campaign import Protocol
 from spa_fo.rig.protocol_check import command_changes, contradiction
-
-Floats = npt.NDArray[np.float64]
 
 _POINTS = 400  # a command is looked at on so many evenly spaced points
 _HOLD_S = 30.0  # a pressure held longer than a step's is a hold

@@ -15,11 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import null_space
 from scipy.special import logsumexp
 
-Floats = npt.NDArray[np.float64]
+from spa_fo.arrays import Floats
 
 _ERROR_DEG = 0.1  # prior median of σ and its spread as a factor: assumed, wide
 _ERROR_FACTOR = 5.0

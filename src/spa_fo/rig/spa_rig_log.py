@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.rig.clock import WRAP, follow, sample_clock
 from spa_fo.rig.parse_report import FileReport, Tally
@@ -23,8 +24,6 @@ from spa_fo.rig.wire import (
     no_banner,
     parse_banner,
 )
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from spa_fo.arrays import Floats
 from spa_fo.rig.campaign import Campaign
 from spa_fo.rig.trial import Trial
-
-Floats = npt.NDArray[np.float64]
 
 _LEAST_S, _LEAST = 1.0, 10  # of one value, in seconds and in samples
 _MOVES = 0.2  # of its range in the trial, by what moves the channel in that time

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from spa_fo.arrays import Floats
 
 _EPOCH = datetime(1970, 1, 1)
 _MIDNIGHT = datetime(1900, 1, 1)  # what strptime takes where a format has no date

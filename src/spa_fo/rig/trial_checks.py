@@ -7,7 +7,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from spa_fo.errors import BadInput
 from spa_fo.rig.campaign import (
@@ -18,7 +17,6 @@ from spa_fo.rig.spa_rig_log import SpaRigLog
 from spa_fo.rig.trial import Trial
 from spa_fo.rig.wire import Banner
 
-Floats = npt.NDArray[np.float64]
 _ONE_LEVEL = ("step", "step_release", "hold")
 
 

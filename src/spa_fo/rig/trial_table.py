@@ -9,15 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from spa_fo import atomic
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.rig.campaign import Campaign, Experiment, TrialFile
 from spa_fo.rig.first_change import zero_until
 from spa_fo.rig.trial import Trial
-
-Floats = npt.NDArray[np.float64]
 
 TABLE_COLUMNS = (
     "experiment",

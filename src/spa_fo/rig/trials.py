@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from spa_fo.arrays import Bools, Floats
 from spa_fo.errors import BadInput
 from spa_fo.rig.calibration import Calibration, Drift, calibrate, drift
 from spa_fo.rig.campaign import (
@@ -29,9 +30,6 @@ from spa_fo.rig.stuck import stuck
 from spa_fo.rig.trial import Trial
 from spa_fo.rig.trial_checks import check_banner, check_levels, overlaps
 from spa_fo.rig.wire import Banner
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 _LONGEST_DROPOUT = 5  # samples
 _FAR_FROM_0 = 0.5  # of the typical reading

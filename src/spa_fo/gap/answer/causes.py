@@ -6,8 +6,8 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.answer.intervals import with_intervals
 from spa_fo.gap.claim.claimed import CLEARLY, Claim
 from spa_fo.gap.data.evidence import angle_chain
@@ -18,11 +18,8 @@ from spa_fo.gap.diagnosis import Cause, Traces
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import PARAMETERS
 from spa_fo.plant.effects.effect import STAGES, Effect, Stage
-from spa_fo.plant.effects.library import LIBRARY, absent, acts_like, at_port
+from spa_fo.plant.effects.library import LIBRARY, Ids, absent, acts_like, at_port
 from spa_fo.plant.grid import CampaignGrid
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 
 _NOT_KNOWN = (
     "neither the pressure nor a calibration was logged: what is not explained may be anyone's"

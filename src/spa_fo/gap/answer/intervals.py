@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.decide.explanation import Explanation, steady_walk
 from spa_fo.gap.search.drive import DriveFit
 from spa_fo.plant.effects.library import LIBRARY, at_port
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Parameters = dict[str, dict[str, Any]]
 """Effect -> parameter -> ``{"value": ..., "ci95": [low, high] or None}``."""
 Errors = dict[tuple[str, str], tuple[float, bool]]

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.plant.memory import FINEST_STEP_S
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _EARLY_S = 1.0  # after a jump of the input
 _JUMP, _SLOPE = 0.02, 1e-4  # of the largest input, from one cell to the next

@@ -7,9 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.gap.claim.scatter import Judging
 from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
@@ -32,12 +32,9 @@ from spa_fo.gap.search.fitted import fit, without_others
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model
 from spa_fo.plant.augmented import ending_memory
-from spa_fo.plant.effects.library import LIBRARY, absent, at_port
+from spa_fo.plant.effects.library import LIBRARY, Ids, absent, at_port
 from spa_fo.plant.lawful import TooSteep
 from spa_fo.together import each
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 
 CLEARLY = 3.0
 """Times what is expected, or what a reference says of the pressure: something is wrong."""

@@ -7,19 +7,15 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Bools, Floats
 from spa_fo.gap.claim.claimed import CLEARLY, Claim, too_large_for_none
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.decide.verdict import Kind, Verdict, judged_anew
 from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, acts_like, alike, same_filter
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ids = tuple[str, ...]
+from spa_fo.plant.effects.library import LIBRARY, Ids, acts_like, alike, same_filter
 
 SURELY = 2.0
 """Of the excess that is a change as probably as not: so large it is one, and has its name."""

@@ -7,14 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.decide.explanation import Explanation, simulate
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.fit.nuisances import OF_TRIALS, nuisance_scales
 from spa_fo.plant.effects.library import at_port
-
-Floats = NDArray[np.float64]
 
 _RATE_STEP = 2e-3
 

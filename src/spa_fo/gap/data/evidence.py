@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.alike import began_vented, run_alike
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, USUAL_RISE_S, Reach
@@ -20,9 +21,6 @@ from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.sensor_curve import SHORTEST, curve_sigma, curve_stretch_of, sigma_at
 from spa_fo.plant.stages import true_pressure
 from spa_fo.rig import Calibration, CampaignData, Trial
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _LONGEST_LEVEL = 4  # of a step: 0.32 s resolves what is slow, and a diagnosis takes many runs
 _BINNING_DEG = 0.03  # error of averaging a curve over a step

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.diagnosis import Shrink
 from spa_fo.plant.grid import CampaignGrid
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MOST = 0.3  # of the trials
 _DRAWS = 2000

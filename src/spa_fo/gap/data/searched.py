@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import Parameter
-
-Floats = NDArray[np.float64]
 
 LN_GAIN = 4
 """Place of the static gain's logarithm among the searched coefficients."""

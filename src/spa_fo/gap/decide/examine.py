@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence, angle_chain, collect, noise_floor, with_usual
 from spa_fo.gap.data.hold_out import HeldOut, hold_out
 from spa_fo.gap.decide.nominal import Nominal, check_driven, driven_by_pressure, with_nominal
@@ -23,12 +23,10 @@ from spa_fo.gap.search.drive_by_angle import joined
 from spa_fo.gap.search.explanations import Explanations, explain
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant import Model
-from spa_fo.plant.effects.library import LIBRARY, absent, at_port
+from spa_fo.plant.effects.library import LIBRARY, Ids, absent, at_port
 from spa_fo.rig import CampaignData
 from spa_fo.rig.dropouts import without_dropouts
 
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 Progress = Callable[[str], None]
 _SURE = 100.0  # nats
 _IDENTIFIED = "sampling"  # a key that an identification writes to its model

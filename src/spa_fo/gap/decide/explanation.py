@@ -8,18 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.decide.verdict import Scored
 from spa_fo.gap.search.drive import DriveFit
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.plant import PARAMETERS, Model, TransferFunction
-from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
+from spa_fo.plant.effects.library import LIBRARY, Ids, at_port, ordered
 from spa_fo.plant.law import Law
 from spa_fo.plant.lawful import with_law
 from spa_fo.plant.specimen import Mounting
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 
 _CARRIED = ("provenance", "sampling")  # keys of the plain model that hold of the augmented one too
 

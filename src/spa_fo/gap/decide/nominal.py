@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.data.hold_out import HeldOut, judged
@@ -24,8 +24,6 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.identify.nominal_fit import NominalFit, drive_logs, identify_drive
 from spa_fo.plant import Model
 from spa_fo.rig import CampaignData
-
-Floats = NDArray[np.float64]
 
 _WHITE_KPA = 1e-3
 _SHARED = (

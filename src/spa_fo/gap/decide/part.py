@@ -17,18 +17,15 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.drive import DriveFit
 from spa_fo.gap.search.explanations import WORTH_WEIGHING
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
+from spa_fo.plant.effects.library import LIBRARY, Ids
 
 _SHARES = np.array(SHARES)
 # Times what others have to move. Learned: a hum that is no cause moved the angle by 0.52 noise

@@ -11,9 +11,8 @@ from spa_fo.gap.search.drive import DriveFit
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import STAGES, Stage
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, Ids
 
-Ids = tuple[str, ...]
 Kind = Literal["no_gap", "cause", "ambiguous", "unknown"]
 _LISTED = 1e-12  # probability below which a set is none
 

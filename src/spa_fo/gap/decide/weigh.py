@@ -8,7 +8,6 @@ from functools import partial
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
 from spa_fo.gap.data.evidence import Evidence, modelled_pressure
@@ -21,10 +20,7 @@ from spa_fo.gap.search.drive import Drive, DriveFit, rms_of
 from spa_fo.gap.search.explanations import WORTH_WEIGHING, Explanations
 from spa_fo.gap.search.fitted import Fitted, price
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, at_port, ordered
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
+from spa_fo.plant.effects.library import LIBRARY, Ids, at_port, ordered
 
 _LEAST_TOTAL = 1e-300
 # Floors that a drive has to move. Learned: regulators with which models were identified moved the

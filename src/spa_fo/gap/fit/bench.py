@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.searched import to_x, to_z
 from spa_fo.gap.fit.coefficients import Coefficients, identified, usual
@@ -18,9 +19,6 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import absent
 from spa_fo.plant.memory import STEPS_S
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 GAIN, REST, TIME_SCALE, DWELL, SLIP, LINE, BRANCH = range(7)
 """Groups of nuisances, each of one variance."""

@@ -13,9 +13,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
+from spa_fo.arrays import Floats
 from spa_fo.fractional import step_response
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, at_rate, quicker, searched_spread, to_x, to_z
 from spa_fo.gap.noise.bench_noise import BenchNoise
@@ -24,8 +24,6 @@ from spa_fo.identify import selection
 from spa_fo.numeric.lapack import forward
 from spa_fo.plant import PARAMETERS, Model
 from spa_fo.plant.paper import TABLE_I
-
-Floats = NDArray[np.float64]
 
 _FIRST_S, _A_DECADE = 0.05, 6  # times at which the given model's step response is known
 _SLOPE_STEP = 1e-4

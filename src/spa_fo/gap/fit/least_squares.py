@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_solve
 from scipy.special import erfcx, log_ndtr
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, Slot
 from spa_fo.gap.fit.coefficients import Coefficients
 from spa_fo.gap.noise.whitening import Factor, Whitening
@@ -28,8 +29,6 @@ from spa_fo.numeric.mixed import WEAK, Normal, Prior, Solution, solve
 from spa_fo.plant.effects.effect import Reach
 from spa_fo.plant.effects.library import LIBRARY, absent
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Made = TypeVar("Made")
 
 _COEFFICIENT_STEP = 1e-4

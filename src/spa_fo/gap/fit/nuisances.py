@@ -5,13 +5,11 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.fit.bench import GAIN, REST, TIME_SCALE, Bench
 from spa_fo.gap.settings import SETTINGS
-
-Floats = NDArray[np.float64]
 
 OF_TRIALS = [GAIN, REST, TIME_SCALE]
 """Groups of nuisances by which trials differ."""

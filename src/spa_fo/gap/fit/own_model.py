@@ -7,13 +7,11 @@ any more: what is left of the campaign is orthogonal to the tangents of the mode
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.searched import HIGHEST, LOWEST, to_x, to_z
 from spa_fo.plant.effects.library import absent
-
-Floats = NDArray[np.float64]
 
 _STEP = 1e-3
 _TAKEN = 0.005

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.evidence import Evidence, modelled_pressure
 from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.least_squares import Explained, slots_of
@@ -22,9 +22,6 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import Parameter
 from spa_fo.plant.effects.shared import low_pass
 from spa_fo.plant.memory import FINEST_STEP_S
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _UNIFORM = 1.0 / np.sqrt(12.0)  # sigma of what may be anywhere in an interval of 1
 _OF_A_JUMP = 0.5

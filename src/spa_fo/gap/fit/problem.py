@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
 from spa_fo.gap.fit.bench import BRANCH, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
@@ -35,9 +35,6 @@ from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 from spa_fo.plant.sensor_curve import curve_columns
 from spa_fo.plant.specimen import Mounting
 from spa_fo.plant.stages import felt_angle
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _AT_REST = 0.05  # of the largest input: a log that ends there shows how it was vented. Assumed.
 _BRANCH_STEP = 1e-3  # of a searched parameter, for the slope of what a branch makes of it

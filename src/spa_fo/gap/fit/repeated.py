@@ -15,17 +15,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, helmert
 from scipy.special import logsumexp
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.fit.bench import GAIN, TIME_SCALE
 from spa_fo.gap.fit.problem import AngleProblem
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.numeric.lapack import forward
 from spa_fo.numeric.mixed import Solution
-
-Floats = NDArray[np.float64]
 
 _SCATTERS = np.geomspace(0.1, SETTINGS.most_scatter, 12)
 """Of an ordinary bench's, alike in weight: assumed."""

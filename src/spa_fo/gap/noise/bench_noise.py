@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.evidence import Evidence, Foreseen, Repeats, angle_chain, repeats
 from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.noise.coloured import (
@@ -30,9 +30,6 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import USUAL_DEG
 from spa_fo.plant.effects.library import absent
 from spa_fo.plant.memory import STEPS_S
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 TYPICAL = Scatter(
     gain=SETTINGS.scatter,

@@ -18,15 +18,12 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, helmert, null_space, orth, solve_triangular
 from scipy.optimize import minimize
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.searched import wave
 from spa_fo.gap.settings import SETTINGS
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 CORRELATION_S = 0.06 * 4.0 ** np.arange(6)
 """Correlation times of the coloured parts: 0.06 s, a filter's, to 61 s, slow air's."""

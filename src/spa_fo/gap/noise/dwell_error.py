@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.rig import Calibration
 from spa_fo.rig.dwells import both_ways
-
-Floats = NDArray[np.float64]
 
 _LEAST_TOLD = 1.0  # degree of freedom: a curve through every angle tells nothing
 _NO_FIXTURE_DEG = 0.005  # is as exact: readings that agree to the count say no more

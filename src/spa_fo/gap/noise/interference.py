@@ -15,13 +15,12 @@ from scipy import sparse
 from scipy.ndimage import median_filter
 from scipy.sparse.linalg import spsolve
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.data.searched import wave
 from spa_fo.gap.noise.whitening import Factor, Rows, Whitening
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.rig import Trial
-
-Floats = NDArray[np.float64]
 
 SLOWEST_FAST_HZ = 3.2
 """Lines above do not show in the averaged samples."""

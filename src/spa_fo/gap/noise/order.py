@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import expit, logsumexp, softmax
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.noise.coloured import Differences, Spectrum
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 OF_ZERO, OF_GAIN = 0, 1
 """Which number each contrast of repeats is fitted with; see `Differences.own`."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence, repeats
 from spa_fo.gap.noise.bench_noise import taken_apart
 from spa_fo.gap.noise.coloured import (
@@ -18,8 +18,6 @@ from spa_fo.gap.noise.coloured import (
 )
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA
-
-Floats = NDArray[np.float64]
 
 _JUMPS = 9.0  # times the median variance between repeats. Assumed.
 _OWN = np.array([0.0, 1.0, 1.0, 0.0])  # a trial's gain and delay, which may be the log's

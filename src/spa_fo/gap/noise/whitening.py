@@ -19,13 +19,10 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import blas
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.noise.coloured import CORRELATION_S, Averages, Spectrum, whitener
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MANY = 20  # columns, among which those that are 0 are worth looking for
 MISSED_OVER_S = np.array([0.3, 1.5, 8.0])

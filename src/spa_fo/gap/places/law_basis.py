@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import null_space, solve_triangular
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.law import Law
-
-Floats = NDArray[np.float64]
 
 ORDERED = ("trial_gain", "trial_rest")
 """Places of laws over the trials' order."""

@@ -11,8 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.fit.least_squares import Linear
@@ -24,8 +24,6 @@ from spa_fo.gap.search.fitted import Fitted
 from spa_fo.numeric.mixed import WEAK
 from spa_fo.plant.law import Law
 from spa_fo.plant.lawful import TooSteep, with_law
-
-Floats = NDArray[np.float64]
 
 ROUNDS = 4
 """How often a problem is made linear; once is a screening."""

@@ -14,9 +14,9 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.fit.bench import SHARES, Bench
 from spa_fo.gap.fit.pressure import resolution, timing_error
@@ -37,8 +37,6 @@ from spa_fo.numeric.mixed import Normal, Prior, Solution, solve
 from spa_fo.plant.lawful import TooSteep
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.together import each
-
-Floats = NDArray[np.float64]
 
 _FITTED = 3  # places that are fitted, best of the screening
 _ENOUGH, _MOST_TRIED = 0.05, 12  # of the search without a law

@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import noise_floor
 from spa_fo.gap.data.hold_out import fraction_closed, judged, rmse
 from spa_fo.gap.decide.examine import Examined
@@ -18,12 +18,9 @@ from spa_fo.gap.places.law_problem import LawFit
 from spa_fo.gap.places.laws import drive_law, place_laws
 from spa_fo.gap.places.resemblance import likeness_words, likenesses
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.library import LIBRARY, Ids
 from spa_fo.plant.law import PLACES
 from spa_fo.plant.lawful import TooSteep
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 
 _TWO_SIGMA = 1.96
 

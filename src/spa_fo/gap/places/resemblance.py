@@ -11,13 +11,11 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.diagnosis import Likeness
 from spa_fo.gap.places.law_basis import Basis
 from spa_fo.plant.law import Place
-
-Floats = NDArray[np.float64]
 
 _LEAST = 0.75  # of a curve, that a form has to give to be named
 _STRAIGHT = 0.9  # a line that gives so much needs no other form beside it

@@ -20,9 +20,9 @@ from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.fit.coefficients import rise_s
 from spa_fo.gap.plan.profiles import NAMES, Limits, Profile, family, limits_of
 from spa_fo.gap.plan.remedies import remedies, twins
-from spa_fo.gap.plan.rivals import Ids, Rival, Standing
+from spa_fo.gap.plan.rivals import Rival, Standing
 from spa_fo.gap.plan.separation import PairwiseSeparation
-from spa_fo.plant.effects.library import absent
+from spa_fo.plant.effects.library import Ids, absent
 from spa_fo.rig import CampaignData
 
 SEPARABLE = 0.3

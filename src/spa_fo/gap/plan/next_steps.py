@@ -19,8 +19,8 @@ from spa_fo.gap.diagnosis import Cause, Step
 from spa_fo.gap.plan.advice import plan, richest_profile, to_run
 from spa_fo.gap.plan.profiles import FEW, limits_of
 from spa_fo.gap.plan.remedies import CAMERA, Remedy, known_remedies
-from spa_fo.gap.plan.rivals import Ids, rival
-from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.gap.plan.rivals import rival
+from spa_fo.plant.effects.library import LIBRARY, Ids
 
 Pair = tuple[Ids, Ids]
 

@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import bisect
 
+from spa_fo.arrays import Floats
 from spa_fo.atomic import write_text
 from spa_fo.plant.grid import CampaignGrid
 from spa_fo.rig.command_profile import COLUMNS
 
-Floats = NDArray[np.float64]
 Move = tuple[float, float, float]
 """A share of the largest pressure, the seconds to get there, and those for which it is held."""
 

@@ -9,18 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.gap.diagnosis import SCHEMA
 from spa_fo.plant import PARAMETERS, TransferFunction
 from spa_fo.plant.effects.effect import Parameter
-from spa_fo.plant.effects.library import LIBRARY, absent
+from spa_fo.plant.effects.library import LIBRARY, Ids, absent
 from spa_fo.validation import validate
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 
 _FEWEST = {"no_gap": 0, "cause": 1, "ambiguous": 2, "unknown": 0}
 """Sets that each kind of verdict has at least."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.data.searched import HIGHEST, LN_GAIN, LOWEST, Slot, at_rate, to_x, to_z
 from spa_fo.gap.decide.explanation import mounting_of
@@ -31,8 +31,6 @@ from spa_fo.plant.sensor_curve import curve_columns
 from spa_fo.plant.specimen import Memory
 from spa_fo.rig import Trial
 from spa_fo.rig.first_change import zero_until
-
-Floats = NDArray[np.float64]
 
 SPECIMEN_SPREAD = np.array([0.12, 0.12, 0.35, 0.3, 0.25])
 """Standard deviations of another specimen's searched coefficients."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence, angle_chain
 from spa_fo.gap.fit.bench import SHARES, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
@@ -17,12 +18,9 @@ from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import PressureNoise, between_repeats, pressure_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening
 from spa_fo.gap.settings import SETTINGS
-from spa_fo.plant.effects.library import LIBRARY, absent, beside, ordered
+from spa_fo.plant.effects.library import LIBRARY, Ids, absent, beside, ordered
 from spa_fo.plant.memory import FINEST_STEP_S
 from spa_fo.together import each
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 
 _BINNING_KPA = 0.02  # error of averaging a pressure over a step
 _BLUR = 0.5  # of the change of pressure about a cell: when exactly it changed is not known

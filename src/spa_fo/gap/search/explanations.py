@@ -16,8 +16,8 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
@@ -43,11 +43,8 @@ from spa_fo.gap.search.screening import (
 )
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.numeric.minimise import HOPE
-from spa_fo.plant.effects.library import LIBRARY, absent, at_port, beside, ordered, rare
+from spa_fo.plant.effects.library import LIBRARY, Ids, absent, at_port, beside, ordered, rare
 from spa_fo.together import Team, each, team
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 
 _SINGLES, _HOSTS, _BESIDE = 8, 3, 3  # fitted alone; that get others beside them; so many others
 WORTH_WEIGHING = 60.0  # nats behind the best

@@ -9,8 +9,8 @@ from functools import cache, partial
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LEVELS, LINE, SHARES, Bench, level_prior
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated
@@ -19,11 +19,8 @@ from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.numeric.minimise import Minimum
 from spa_fo.numeric.mixed import Solution
-from spa_fo.plant.effects.library import LIBRARY, at_port
+from spa_fo.plant.effects.library import LIBRARY, Ids, at_port
 from spa_fo.plant.sensor_curve import curve_columns
-
-Floats = NDArray[np.float64]
-Ids = tuple[str, ...]
 
 _ROUGH, _ROUGH_TRIED = 0.5, 12  # nats and points of a search that only ranks
 _ENOUGH, _MOST_TRIED = 0.01, 40

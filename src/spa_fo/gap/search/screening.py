@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from spa_fo.arrays import Floats
 from spa_fo.gap.data.searched import Slot
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.fit.least_squares import starts
@@ -25,8 +26,6 @@ from spa_fo.plant.effects.effect import Effect
 from spa_fo.plant.effects.library import LIBRARY, log_odds, ordered
 from spa_fo.plant.grid import CampaignGrid
 from spa_fo.plant.memory import FINEST_STEP_S
-
-Floats = NDArray[np.float64]
 
 _BEST_STARTS = 2
 _FARTHEST = 4.0  # times the size that an effect is screened with

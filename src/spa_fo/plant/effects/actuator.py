@@ -13,13 +13,14 @@ import math
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.contact_stop import contact_moment
 from spa_fo.plant.effects.creep import crept, driving
 from spa_fo.plant.effects.gravity_load import weight_moment
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS, soften, virgin_moment
-from spa_fo.plant.effects.shared import CREEP_TIMES_S, Floats, Integers, creep_sizes
+from spa_fo.plant.effects.shared import CREEP_TIMES_S, creep_sizes
 from spa_fo.plant.effects.stiffening import stiffening_moment
 from spa_fo.plant.effects.thermal_drift import drifted_gain
 from spa_fo.plant.memory import LEVELS, STEPS_S, Complexes, coast, keep_modes, push, stepper

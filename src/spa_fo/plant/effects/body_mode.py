@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
 from spa_fo.plant.effects.pressure_set import lengths_of
-from spa_fo.plant.effects.shared import Floats
 
 _CAMERA = Check(
     "record the angle by a second way, such as a camera, beside the sensor",

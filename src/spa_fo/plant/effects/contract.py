@@ -8,8 +8,9 @@ from functools import cache
 
 import numpy as np
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.chain import Chain, chain_for
-from spa_fo.plant.effects.effect import Effect, Floats, Parameter
+from spa_fo.plant.effects.effect import Effect, Parameter
 from spa_fo.plant.effects.library import IDS, LIBRARY, absent
 from spa_fo.plant.effects.own import acted, checked
 from spa_fo.plant.grid import campaign_grid

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import Effect, Parameter
-from spa_fo.plant.effects.shared import Floats, spectrum
+from spa_fo.plant.effects.shared import spectrum
 
 EFFECT = Effect(
     id="creep",

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.dead_time import delay_cells
 from spa_fo.plant.effects.drive_backlash import follow_with_play
 from spa_fo.plant.effects.leak import lose
 from spa_fo.plant.effects.library import LIBRARY
-from spa_fo.plant.effects.shared import Floats, Integers, low_pass, poles
+from spa_fo.plant.effects.shared import low_pass, poles
 from spa_fo.plant.effects.slew_limit import slew
 from spa_fo.plant.effects.supply_droop import droop
 

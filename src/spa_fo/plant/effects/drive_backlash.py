@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, share
-from spa_fo.plant.effects.shared import Floats, Integers
 from spa_fo.plant.memory import FINEST_STEP_S
 
 _TURNS = 0.005  # of the largest command: a logged one that goes back by less has not turned

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape, share
-from spa_fo.plant.effects.shared import Floats
 
 _STILL_KPA = 1e-9
 _SUDDEN = 0.01  # of a period, in which it comes back all at once

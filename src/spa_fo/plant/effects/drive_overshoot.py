@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
-from spa_fo.plant.effects.shared import Floats
 
 
 def overshoot(

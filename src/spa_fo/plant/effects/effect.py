@@ -12,9 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
 Stage = Literal["drive", "actuator", "sensor", "acquisition"]
 _SERIES: dict[Stage, tuple[str, ...]] = {
     "drive": ("pressure_kpa", "time_s"),

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
-from spa_fo.plant.effects.shared import Floats
 
 REFERENCE_KPA = 30.0
 _EXPONENT = 1.0  # typical

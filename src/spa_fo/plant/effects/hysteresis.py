@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, shape
-from spa_fo.plant.effects.shared import Floats
 
 EFFECT = Effect(
     id="hysteresis",

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects import (
     body_mode,
     channel_latency,
@@ -49,8 +50,10 @@ from spa_fo.plant.effects import (
     thermal_drift,
     unsigned_reading,
 )
-from spa_fo.plant.effects.effect import Effect, Floats, Port, Stage
-from spa_fo.plant.effects.shared import Integers
+from spa_fo.plant.effects.effect import Effect, Port, Stage
+
+Ids = tuple[str, ...]
+"""Identifiers of effects, in the order of the library."""
 
 _CONTRACT: tuple[Effect, ...] = (
     dead_time.EFFECT,

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import Check, Effect, amplitude, shape
-from spa_fo.plant.effects.shared import Floats
 
 EFFECT = Effect(
     id="mullins_softening",

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude, shape
-from spa_fo.plant.effects.shared import Floats
 
 
 def opened(pressure_kpa: Floats, time_s: Floats, opening_kpa: float, sharpness: float) -> Floats:

@@ -28,8 +28,9 @@ from typing import Any
 
 import numpy as np
 
+from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
-from spa_fo.plant.effects.effect import STAGES, Check, Effect, Floats, Parameter, Stage
+from spa_fo.plant.effects.effect import STAGES, Check, Effect, Parameter, Stage
 from spa_fo.plant.effects.library import IDS, LIBRARY
 from spa_fo.plant.law import PLACES
 

@@ -13,9 +13,9 @@ import math
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude
 from spa_fo.plant.effects.pressure_set import lengths_of
-from spa_fo.plant.effects.shared import Floats
 
 REFERENCE_KPA = 15.0
 

@@ -9,20 +9,14 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.sensor_creep import drift_on
 from spa_fo.plant.effects.sensor_hysteresis import lag_behind
 from spa_fo.plant.effects.sensor_lag import follow
 from spa_fo.plant.effects.sensor_nonlinearity import bend_curve
 from spa_fo.plant.effects.sensor_saturation import saturate
-from spa_fo.plant.effects.shared import (
-    CREEP_TIMES_S,
-    CURVE_KNOTS_DEG,
-    Floats,
-    Integers,
-    creep_sizes,
-    poles,
-)
+from spa_fo.plant.effects.shared import CREEP_TIMES_S, CURVE_KNOTS_DEG, creep_sizes, poles
 
 SENSOR_NONLINEARITY = LIBRARY["sensor_nonlinearity"].first
 SENSOR_SATURATION = LIBRARY["sensor_saturation"].first

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Check, Effect
-from spa_fo.plant.effects.shared import CREEP_TIMES_S, Floats, Integers, spectrum
+from spa_fo.plant.effects.shared import CREEP_TIMES_S, spectrum
 from spa_fo.plant.memory import LEVELS, STEPS_S
 
 EFFECT = Effect(

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import RARER, Check, Effect, amplitude
-from spa_fo.plant.effects.shared import SINCE, Floats, switched
+from spa_fo.plant.effects.shared import SINCE, switched
 
 
 def come_off(

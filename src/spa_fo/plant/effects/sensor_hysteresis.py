@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import Check, Effect, Parameter, shape
-from spa_fo.plant.effects.shared import Floats
 
 
 @njit

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Check, Effect
-from spa_fo.plant.effects.shared import Floats, Integers, lag
+from spa_fo.plant.effects.shared import lag
 from spa_fo.plant.memory import STEPS_S
 
 EFFECT = Effect(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import Effect, Parameter, amplitude
-from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SPLINES, Floats
+from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG, CURVE_SPLINES
 
 
 def _error_at(angle: float) -> Parameter:

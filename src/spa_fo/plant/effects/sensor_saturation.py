@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import Check, Effect, shape
-from spa_fo.plant.effects.shared import Floats
 
 _AT_CEILING = 2.0 * math.log(2.0)
 # That a ceiling is high at least: the widest misses 0.04 % of it at rest. Assumed.

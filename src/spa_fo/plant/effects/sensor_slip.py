@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Check, Effect, amplitude
-from spa_fo.plant.effects.shared import Floats, Integers
 
 EFFECT = Effect(
     id="sensor_slip",

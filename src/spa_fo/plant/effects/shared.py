@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Parameter, amplitude, lateness, shape, share
 from spa_fo.plant.memory import FINEST_STEP_S
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 CURVE_KNOTS_DEG = (-10.0, 0.0, 12.0, 24.0, 36.0, 48.0, 60.0, 75.0, 90.0)
 """Angles through which an unknown sensor curve is drawn, a natural cubic spline; right at 0°."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
+from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Effect, shape
-from spa_fo.plant.effects.shared import Floats, Integers
 from spa_fo.plant.memory import FINEST_STEP_S
 
 EFFECT = Effect(

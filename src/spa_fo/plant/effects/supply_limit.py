@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import RARER, Check, Effect, shape
-from spa_fo.plant.effects.shared import Floats
 
 _HIGHEST_KPA = 5000.0
 _BLUNT = 0.02

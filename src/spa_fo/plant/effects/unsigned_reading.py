@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import RARER, Check, Effect, Parameter, amplitude, shape
-from spa_fo.plant.effects.shared import Floats
 
 
 def unsigned(
