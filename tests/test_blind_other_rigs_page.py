@@ -10,7 +10,16 @@ import pytest
 from blind.judge.records import Answer, Outcome, Truth
 from blind.other_rig import _UNSAID
 from blind.report.history import Mark, read_history
-from blind.report.other_rigs import Given, given, hits, page, read_answers, worth, written
+from blind.report.other_rigs import (
+    Given,
+    given,
+    hits,
+    page,
+    probabilities,
+    read_answers,
+    worth,
+    written,
+)
 from spa_fo.errors import BadInput
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -90,7 +99,9 @@ def test_a_damaged_table_is_bad_input(tmp_path: Path, old: str, new: str, where:
 
 def test_answers_are_parted_by_kind_probability_and_protocol() -> None:
     def one(verdict: str, probability: float, right: bool, protocol: str = "rich") -> Given:
-        return Given("a rig", 1, "abc", "case", "closed", protocol, verdict, probability, right)
+        return Given(
+            "a rig", 1, "abc", "case", "closed", protocol, verdict, probability, right, right
+        )
 
     answers = [
         one("cause", 0.9, True),
@@ -106,6 +117,17 @@ def test_answers_are_parted_by_kind_probability_and_protocol() -> None:
         ("one cause, 0.6 or less", "0 of 1", "–"),
         ("an error", "0 of 1", "–"),
     ]
+
+
+def test_probabilities_are_held_against_how_often_they_are_right() -> None:
+    answers = [
+        Given("a rig", 1, "abc", "case", "closed", "rich", "cause", 0.8, True, first)
+        for first in (True, True, True, False)
+    ]
+    failed = Given("a rig", 1, "abc", "case", "closed", "rich", "error", math.nan, False, False)
+    text = probabilities([*answers, failed])
+    assert "Over all 4 answers the calibration error is 0.050" in text
+    assert "| 0.80 | 0.75 | 4 |" in text
 
 
 def test_the_newest_rig_comes_first_with_its_sets_side_by_side() -> None:

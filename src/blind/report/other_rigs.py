@@ -8,13 +8,15 @@ from __future__ import annotations
 import argparse
 import csv
 import io
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from blind.judge.questions import right_first
 from blind.judge.records import Outcome
-from blind.judge.statistics import rate
+from blind.judge.statistics import calibration, rate
 from blind.report.history import Mark, read_history, rigs_of, table
 from blind.report.words import rig_name, rows
 from spa_fo.atomic import write_text
@@ -71,6 +73,8 @@ class Given:
         Of the most probable explanation; not a number after an error.
     right : bool
         As the page says.
+    first : bool
+        Whether the most probable explanation is the truth.
     """
 
     rig: str
@@ -82,6 +86,7 @@ class Given:
     verdict: str
     probability: float
     right: bool
+    first: bool
 
 
 def given(outcome: Outcome, number: int, commit: str) -> Given:
@@ -103,6 +108,7 @@ def given(outcome: Outcome, number: int, commit: str) -> Given:
         verdict=answer.verdict,
         probability=float("nan") if answer.probability is None else answer.probability,
         right=right.get(answer.verdict, False),
+        first=right_first(truth, answer),
     )
 
 
@@ -127,11 +133,11 @@ def read_answers(path: Path) -> list[Given]:
 def _answer(row: dict[str, str], path: Path, line: int) -> Given:
     try:
         numbers = {"number": int(row["number"]), "probability": float(row["probability"])}
-        right = {"True": True, "False": False}[row["right"]]
+        told = {key: {"True": True, "False": False}[row[key]] for key in ("right", "first")}
     except (KeyError, TypeError, ValueError) as error:
         expected = "expected a whole number, a probability, and True or False in every row"
         raise BadInput(path, expected, where=f"line {line}") from error
-    return Given(**{**row, **numbers, "right": right})  # type: ignore[arg-type]
+    return Given(**{**row, **numbers, **told})  # type: ignore[arg-type]
 
 
 def written(answers: Iterable[Given]) -> str:
@@ -168,9 +174,23 @@ def worth(answers: Sequence[Given]) -> str:
     return rows(("answer, with its probability", *protocols), "lrrr", cells)
 
 
+def probabilities(answers: Sequence[Given]) -> str:
+    """Tell whether the most probable explanation is right as often as is said."""
+    told = [one for one in answers if not math.isnan(one.probability)]
+    found = calibration([one.probability for one in told], [one.first for one in told])
+    cells = [
+        [f"{each.claimed:.2f}", f"{each.right.value:.2f}", str(each.right.n)] for each in found.bins
+    ]
+    table = rows(("probability of the first explanation", "right", "answers"), "rrr", cells)
+    return (
+        f"Over all {len(told)} answers the calibration error is {found.ece.value:.3f}; were every "
+        f"probability right, so many answers would still give {found.by_chance:.3f}:\n\n{table}"
+    )
+
+
 def _is(verdict: str, above: float = -1.0, to: float = 1.0) -> Callable[[Given], bool]:
     def belongs(one: Given) -> bool:
-        unsaid = one.probability != one.probability
+        unsaid = math.isnan(one.probability)
         return one.verdict == verdict and (unsaid or above < one.probability <= to)
 
     return belongs
@@ -225,7 +245,7 @@ def page(marks: Sequence[Mark], answers: Sequence[Given], told: str) -> str:
             missing=kinds["withheld"] + kinds["alien"],
             none=kinds["no_effect"],
         )
-        parts += ["## What an answer is worth", said, worth(answers)]
+        parts += ["## What an answer is worth", said, worth(answers), probabilities(answers)]
     parts += ["## All marks", _POOLED, pooled(marks), "## Set by set", _sets(marks), told]
     return "\n\n".join(part for part in parts if part) + "\n"
 
