@@ -19,7 +19,7 @@ from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, absent, acts_like, log_odds
 
 GAP_DEG, FLOOR_DEG = 4.0, 0.5
-LEAST_DEG = SETTINGS.moves * FLOOR_DEG
+LEAST_DEG = SETTINGS.no_gap * FLOOR_DEG
 
 
 def scored(ids, probability, moved=None):
@@ -46,10 +46,13 @@ def test_no_gap_names_nothing():
     assert verdict.sets == ()
 
 
-def test_unknown_has_to_be_more_probable_than_all_that_is_named():
+def test_a_name_has_to_be_clearly_more_probable_than_an_unknown_cause():
     every = [scored((), 0.3), scored(("creep",), 0.2), scored(("leak",), 0.15)]
-    assert judge(every, 0.36, 0.0).kind == "unknown"
-    assert judge(every, 0.34, 0.0).kind == "ambiguous"
+    border = SETTINGS.doubt * 0.35
+    assert judge(every[1:], border + 0.01, 0.0).kind == "unknown"
+    assert judge(every[1:], border - 0.01, 0.0).kind == "ambiguous"
+    # Nothing is more probable than either, then.
+    assert judge(every, border + 0.01, 0.0).kind == "no_gap"
 
 
 def test_a_cause_has_to_be_more_probable_than_none():
@@ -273,7 +276,7 @@ def test_a_member_without_which_the_others_do_as_well_is_not_named():
 
 
 def test_what_moves_less_than_a_part_of_the_floor_is_none():
-    least = SETTINGS.moves * FLOOR_DEG
+    least = SETTINGS.no_gap * FLOOR_DEG
     assert part._that_move({"creep": 1.01 * least, "leak": 0.99 * least}, least) == ("creep",)
 
 
@@ -462,7 +465,7 @@ def test_dwells_say_nothing_beside_what_is_far_behind(behind: float, counts: boo
 
 
 def test_an_interference_counts_from_twice_what_another_cause_does() -> None:
-    least = SETTINGS.moves * FLOOR_DEG
+    least = SETTINGS.no_gap * FLOOR_DEG
     assert part._that_move({"creep": 1.1 * least}, least) == ("creep",)
     assert part._that_move({"mains_pickup": 1.1 * least}, least) == ()
     assert part._that_move({"mains_pickup": 2.1 * least}, least) == ("mains_pickup",)

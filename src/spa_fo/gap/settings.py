@@ -100,9 +100,6 @@ class Settings:
         0.07, "odds", "learned", "prior of a shift beside another effect: mostly compensating"
     )
     # --- what counts -----------------------------------------------------------------------------
-    moves: float = _number(
-        0.35, "noise floors", "assumed", "an effect that moves the angle by less is none"
-    )
     needed: float = _number(
         0.2, "noise floors", "learned", "a member without which the others do as well is none"
     )
@@ -116,12 +113,21 @@ class Settings:
         0.3, "noise floors", "learned", "a smaller systematic residual is no evidence of anything"
     )
     no_gap: float = _number(
-        0.4, "noise floors", "learned", "a smaller systematic residual is no gap"
+        0.4,
+        "noise floors",
+        "learned",
+        "a smaller systematic residual is no gap; what moves the angle by less is no effect",
     )
     line_nats: float = _number(5.0, "nat", "assumed", "an interference that is worth a fit")
     # --- the answer ------------------------------------------------------------------------------
     covered: float = _number(0.93, "probability", "learned", "total of the sets that are named")
     least: float = _number(0.1, "probability", "learned", "below which a set is not listed")
+    doubt: float = _number(
+        0.6,
+        "odds",
+        "learned",
+        "of an unknown cause to all names, above which it is the answer: a wrong name costs more",
+    )
     failed: float = _number(
         0.05,
         "probability",

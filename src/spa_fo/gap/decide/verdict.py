@@ -79,7 +79,8 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
     Notes
     -----
     There is no gap where nothing is more probable, be it a set or an unknown cause: no first cause
-    is less probable than none, though some cause may be more.
+    is less probable than none, though some cause may be more. A name is given where it is clearly
+    more probable than an unknown cause, as a wrong one costs more than none.
     """
     s = SETTINGS
     none = sum(probability for ids, probability in scored if not ids)
@@ -96,7 +97,7 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
             break
         standing.append(ids)
         held += probability
-    if unknown > total:
+    if unknown > s.doubt * total:
         return "unknown", tuple(standing[:1])
     return "cause" if len(standing) == 1 else "ambiguous", tuple(standing)
 

@@ -56,7 +56,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
             parts.append(Part(ids, ids, -np.inf, np.array([beyond]), f, {}, 0.0, nothing))
             continue
         logs, own = f.logs - price(f), partial(apart, f)
-        sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg, s.moves * floor_deg
+        sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg, s.no_gap * floor_deg
         # What goes with the trials' order, or dwells of a calibration show alike, is structure that
         # is left, too: an unknown effect beside a set. Where a set is far behind, dwells show what
         # the curve takes of its misfit.
@@ -178,7 +178,7 @@ def decide(
     """
     sizes = floor_deg, _OF_BENCH * floor_deg, _OF_BENCH * floor_deg
     if drive_floor_deg is not None:
-        sizes = drive_floor_deg, _BOTH * drive_floor_deg, SETTINGS.moves * drive_floor_deg
+        sizes = drive_floor_deg, _BOTH * drive_floor_deg, SETTINGS.no_gap * drive_floor_deg
     angle, of_angle, unknown_angle = _normalised(_of_angle(found, floor_deg), floor_deg)
     pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, *sizes)
     lined, unknown_line = _of_line(fast, floor_deg, found.excluded)
@@ -217,7 +217,7 @@ def decide_drive(
         Probabilities of what is named, nothing among it; the best fit of each; the probability
         that the cause is unknown.
     """
-    sizes = floor_kpa, _BOTH * floor_kpa, SETTINGS.moves * floor_kpa
+    sizes = floor_kpa, _BOTH * floor_kpa, SETTINGS.no_gap * floor_kpa
     pressed, parts, unknown = _weighed_drive(drive, evidence, *sizes)
     fits = {name: part.fit for name, part in parts.items() if isinstance(part.fit, DriveFit)}
     return pressed, fits, unknown
@@ -258,7 +258,7 @@ def _of_line(
     """Probabilities that a fast interference is there and that it is not, and of an unknown one."""
     rms = fast.amplitude_deg / float(np.sqrt(2.0))
     name = at_port("line")
-    if name is None or fast.gain <= 0.0 or rms < least_of(name, SETTINGS.moves * floor_deg):
+    if name is None or fast.gain <= 0.0 or rms < least_of(name, SETTINGS.no_gap * floor_deg):
         return {(): 1.0}, 0.0
     nats = SETTINGS.temper * fast.gain + log_prior((name,)) - log_prior(())
     there = float(expit(np.clip(nats, -50.0, 50.0)))

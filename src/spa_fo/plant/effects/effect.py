@@ -311,12 +311,13 @@ def share(
     centre: float = 0.3,
     spread: float = 0.3,
     high: float = 1.0,
+    starts: tuple[float, ...] = (),
     is_addition: bool = False,
 ) -> Parameter:
-    """Make a parameter that is a part of something."""
+    """Make a parameter that is a part of something; a fit begins at its centre unless said."""
     return Parameter(
         *(name, "1", centre, spread, 0.0, high),
-        starts=(centre,),
+        starts=starts or (centre,),
         means=means,
         is_addition=is_addition,
     )

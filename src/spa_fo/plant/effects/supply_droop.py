@@ -54,6 +54,7 @@ EFFECT = Effect(
             "steady_share",
             "part of the quick recovery that goes at a steady pace, as behind a pump",
             centre=0.2,
+            starts=(0.2, 0.95),  # from either end a fit does not find the other
             is_addition=True,
         ),
         Parameter(
