@@ -21,6 +21,7 @@ from spa_fo.plant.memory import FINEST_STEP_S
 
 NOISE_KPA = 0.1
 RARE = tuple(filter(rare, LIBRARY))
+_BUT_DROOP = [n for n, e in LIBRARY.items() if e.stage == "drive" and n != "supply_droop"]
 
 
 def driven(delays_s, levels_kpa=(SIXTY,), leak_per_s=0.0, step_kpa=0.0):
@@ -61,6 +62,26 @@ def test_a_delay_of_any_length_is_found(delay_s):
     assert best(found, 1).ids == ("dead_time",)
     assert best(found, 1).z[0] == pytest.approx(delay_s, abs=0.03)
     assert found.gap_deg > 0.3
+
+
+@pytest.mark.parametrize("fraction", [0.06, 0.3, 0.5])
+def test_a_supply_that_comes_back_at_a_steady_pace_is_found_however_far_it_sags(fraction):
+    """From a small sag that comes back exponentially no fit finds a large one that does not."""
+    rng, own = np.random.default_rng(5), []
+    commands = [step_release(level) for level in (SIXTY, 0.5 * SIXTY, 0.75 * SIXTY)]
+    for trial in trials(*commands):
+        command_kpa = np.append(0.0, trial.command_kpa[:-1])  # a row's holds until the next
+        rises = np.maximum(np.diff(command_kpa, prepend=0.0), 0.0)
+        missing, level = np.zeros_like(command_kpa), 0.0
+        for i, step_s in enumerate(np.diff(trial.t_s, prepend=trial.t_s[0])):
+            level = max(level - 0.4 * fraction * SIXTY * step_s, 0.0) + fraction * rises[i]
+            missing[i] = level = min(level, command_kpa[i])
+        pressure = command_kpa - missing
+        angle = np.degrees(simulate(trial.t_s, pressure / KPA, *X, hold="zero"))
+        noisy = pressure + NOISE_KPA * rng.normal(size=pressure.size)
+        own.append(replace(trial, pressure_kpa=noisy, angle_deg=angle))
+    found = examine_drive(collect(campaign_data(own)), (*RARE, *_BUT_DROOP), X)
+    assert found.fits[("supply_droop",)].left_kpa < 0.05 * fraction * SIXTY
 
 
 def test_what_is_weak_alone_is_tried_beside_the_best():

@@ -266,12 +266,14 @@ def amplitude(
     spread: float,
     high: float,
     start: float,
+    further: tuple[float, ...] = (),
     low: float = 0.0,
     goes_with: tuple[float, float] | None = None,
 ) -> Parameter:
-    """Make a parameter that is zero where there is no effect."""
+    """Make a parameter that is zero where there is no effect; `further` are other starts."""
+    starts = start, *further
     return Parameter(
-        name, unit, 0.0, spread, low, high, starts=(start,), means=means, goes_with=goes_with
+        name, unit, 0.0, spread, low, high, starts=starts, means=means, goes_with=goes_with
     )
 
 

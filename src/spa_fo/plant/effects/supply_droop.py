@@ -20,6 +20,7 @@ EFFECT = Effect(
             spread=0.1,
             high=0.6,
             start=0.05,
+            further=(0.2,),
         ),
         shape(
             "recovery_s",
