@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +13,12 @@ from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.bench import REST, Bench, bench_for
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.problem import AngleProblem
-from spa_fo.gap.search import explanations
-from spa_fo.gap.search.explanations import Explanations, _equal, _equals, _tried, explain
+from spa_fo.gap.search.explanations import Explanations, explain
 from spa_fo.gap.search.fitted import begun, fit, settled
 from spa_fo.gap.search.screening import points_of, screen
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.numeric.minimise import HOPE
-from spa_fo.plant.effects.library import IDS, LIBRARY, ordered, rare
+from spa_fo.plant.effects.library import IDS, LIBRARY, rare
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 
 GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
@@ -275,70 +273,3 @@ def test_repeats_that_a_slip_sets_apart_do_not_hide_it(clean: CampaignData) -> N
     assert bench.scales[REST] > 2.0 * SETTINGS.rest_scatter_deg
     assert problem.scales[REST] == SETTINGS.rest_scatter_deg
     np.testing.assert_array_equal(AngleProblem(bench, ("creep",)).scales, bench.scales)
-
-
-def weighed_fits(**logs: float) -> Any:
-    """Fits of sets, their effects joined by two underscores, of so much evidence."""
-    fits = {}
-    for joined, value in logs.items():
-        ids = ordered(joined.split("__"))
-        own = [
-            np.full(len(LIBRARY[n].parameters), value) for n in ids if LIBRARY[n].port == "chain"
-        ]
-        z = np.concatenate([np.full(5, value), *own])
-        fits[ids] = SimpleNamespace(ids=ids, logs=np.array([value, value - 9.0]), quick=value, z=z)
-    return cast(Any, fits)
-
-
-def test_an_equal_is_tried_with_all_that_the_best_has() -> None:
-    fits = weighed_fits(
-        line_lag__creep=100.0,
-        line_lag__sensor_creep=97.0,
-        creep__sensor_lag=80.0,
-        line_lag=50.0,
-        creep__line_lag__hysteresis=150.0,
-    )
-    ((ids, (point,)),) = _equals(fits, ())
-    assert ids == ("line_lag", "hysteresis", "sensor_creep")
-    sizes = [len(LIBRARY[name].parameters) for name in ids]
-    assert point.tolist() == [*[97.0] * (5 + sizes[0]), *[150.0] * sizes[1], *[97.0] * sizes[2]]
-    assert _equals(fits, ("sensor_creep",)) == []
-    assert _equals(fits | weighed_fits(line_lag__hysteresis__sensor_creep=90.0), ()) == []
-
-
-def test_what_together_moves_beyond_all_measure_is_no_equal(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def explodes(*_: Any) -> Any:
-        raise np.linalg.LinAlgError("lost to rounding")
-
-    nothing = cast(Any, None)
-    monkeypatch.setattr(explanations, "fit", explodes)
-    assert _tried(_equal, nothing, ("creep", "stiffening"), [], nothing) is None
-    monkeypatch.setattr(explanations, "fit", lambda *_: "fitted")
-    monkeypatch.setattr(explanations, "weighed", lambda _, fitted: f"{fitted} and weighed")
-    assert cast(Any, _equal(nothing, ("creep",), [], nothing)) == "fitted and weighed"
-
-
-def test_equals_are_those_of_what_wins_the_nearest_first_whether_weighed_or_not() -> None:
-    fits = weighed_fits(
-        line_lag__creep=200.0,
-        creep=60.0,
-        stiffening=54.0,
-        gravity_load=55.0,
-        contact_stop=55.5,
-        mullins_softening=56.0,
-        sensor_creep=61.0,
-        sensor_lag=140.0,  # far better than the rest: no equal of it
-        # A little better, and not worth its price.
-        line_lag__creep__hysteresis=203.0,
-    )
-    fits[("creep",)].logs[:] = -np.inf
-    ids = [ids for ids, _ in _equals(fits, ())]
-    assert ids[0] == ("line_lag", "sensor_creep")
-    assert len(ids) == 4
-    assert not {("line_lag", "stiffening"), ("line_lag", "sensor_lag")} & set(ids)
-
-
-def test_what_does_best_by_itself_has_no_equals_to_try() -> None:
-    assert _equals(weighed_fits(creep=100.0, sensor_creep=99.0), ()) == []

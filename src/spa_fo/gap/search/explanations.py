@@ -21,13 +21,12 @@ from spa_fo.arrays import Floats
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
 from spa_fo.gap.noise.interference import NONE, Line, slow_line
-from spa_fo.gap.prior import further_price, log_prior
+from spa_fo.gap.prior import further_price
 from spa_fo.gap.search.fitted import (
     LINE_SEARCH,
     Fitted,
     begun,
     fit,
-    price,
     problem_of,
     settled,
     weighed,
@@ -49,7 +48,6 @@ from spa_fo.together import Team, each, team
 _SINGLES, _HOSTS, _BESIDE = 8, 3, 3  # fitted alone; that get others beside them; so many others
 WORTH_WEIGHING = 60.0  # nats behind the best
 _LEVEL_OFF = 1.9  # from twice or half as much noise on a search begins anew. Assumed
-_EQUAL, _MOST_EQUALS = 7.0, 4  # nats, of whole evidence: about one of tempered; so many are tried
 
 
 @dataclass(frozen=True)
@@ -122,11 +120,7 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
     near = [f for f in fits.values() if f.quick > best - WORTH_WEIGHING or not f.ids]
     near = [f for f in near if not np.isfinite(f.logs).all()]
     known = each(lambda f: _tried(weighed, bench, f), near)
-    more = each(
-        lambda one: _tried(_equal, bench, *one, plain),
-        _equals(fits | _by_ids(known), excluded),
-    )
-    return Explanations(bench, fits | _by_ids(known) | _by_ids(more), line, tuple(excluded))
+    return Explanations(bench, fits | _by_ids(known), line, tuple(excluded))
 
 
 def _tried(function: Callable[..., Fitted], *arguments: Any, **options: Any) -> Fitted | None:
@@ -153,48 +147,6 @@ def _level_beside(bench: Bench, singles: Sequence[Fitted]) -> float:
         return bench.level
     level = weighed(bench, singles[0]).level
     return level if abs(np.log(level)) > np.log(_LEVEL_OFF) else bench.level
-
-
-def _equal(bench: Bench, ids: Ids, points: list[Floats], plain: Fitted) -> Fitted:
-    """Fit and weigh what was put together."""
-    return weighed(bench, fit(bench, ids, points, plain))
-
-
-def _equals(fits: dict[Ids, Fitted], excluded: Sequence[str]) -> list[tuple[Ids, list[Floats]]]:
-    """List what the best explanation would be with an equal in place of most of it.
-
-    What does as well as all of it but one effect has not been tried beside that one: together they
-    may be as good.
-    """
-    temper = SETTINGS.temper
-    known = [f for f in fits.values() if not set(f.ids) & set(excluded)]
-    weighed_ones = [f for f in known if np.isfinite(f.logs).all()]
-    best = max(weighed_ones, key=lambda f: f.logs.max() - price(f) + log_prior(f.ids) / temper)
-    found: dict[Ids, tuple[float, Fitted, str]] = {}
-    for name in best.ids:
-        rest = fits.get(tuple(n for n in best.ids if n != name))
-        if rest is None or not rest.ids:
-            continue
-        for other in known:
-            ids, apart = ordered((*other.ids, name)), abs(_worth(rest) - _worth(other))
-            alike = len(other.ids) == len(rest.ids) and apart < _EQUAL
-            if alike and name in beside(other.ids, (name,)) and ids not in fits:
-                found.setdefault(ids, (apart, other, name))
-    nearest = sorted(found.items(), key=lambda one: one[1][0])[:_MOST_EQUALS]
-    return [(ids, [_together(other, best, name)]) for ids, (_, other, name) in nearest]
-
-
-def _together(one: Fitted, other: Fitted, name: str) -> Floats:
-    """Put the point of a fit together with what another one has of an effect."""
-    return np.concatenate(
-        [
-            one.z[:5],
-            *(
-                without_others(other if n == name else one, (n,))[5:]
-                for n in ordered((*one.ids, name))
-            ),
-        ]
-    )
 
 
 def _beside(
