@@ -14,6 +14,7 @@ from blind.report.other_rigs import (
     Given,
     given,
     hits,
+    in_short,
     page,
     probabilities,
     read_answers,
@@ -152,6 +153,8 @@ def test_what_is_published_is_made_of_the_tables_beside_it() -> None:
     )
     told = (beside / "other_rigs_told.md").read_text(encoding="utf-8").strip()
     assert (DOCS / "other_rigs.md").read_text(encoding="utf-8") == page(marks, answers, told)
+    readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    assert in_short(answers) in " ".join(readme.split())
     cases = {(mark.rig, mark.seed): mark.cases for mark in marks}
     for rig, number in {(one.rig, one.number) for one in answers}:
         own = [one for one in answers if (one.rig, one.number) == (rig, number)]

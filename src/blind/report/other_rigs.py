@@ -174,6 +174,20 @@ def worth(answers: Sequence[Given]) -> str:
     return rows(("answer, with its probability", *protocols), "lrrr", cells)
 
 
+def in_short(answers: Sequence[Given]) -> str:
+    """Say in one sentence what answers are worth."""
+
+    def of(verdict: str, above: float = -1.0) -> str:
+        right = [one.right for one in answers if _is(verdict, above)(one)]
+        return f"{sum(right)} of {len(right)}"
+
+    return (
+        f"Of its answers to {len(answers)} synthetic campaigns of rigs that others wrote, a single "
+        f"cause of more than {100 * _SURE:.0f} % was right in {of('cause', _SURE)}, `unknown` in "
+        f"{of('unknown')}, and `no_gap` in {of('no_gap')}"
+    )
+
+
 def probabilities(answers: Sequence[Given]) -> str:
     """Tell whether the most probable explanation is right as often as is said."""
     told = [one for one in answers if not math.isnan(one.probability)]
