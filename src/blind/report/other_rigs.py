@@ -41,7 +41,7 @@ Of the answers to {cases} campaigns of the {rigs}: how often such an answer was 
 cause* is right where nothing is named that is not at work, or that nobody could tell from it;
 *several* where one of them is; *unknown* where the library lacks the cause; *no gap* where
 there is no effect. Effects have twice the noise floor or more; {missing} of the campaigns have
-one that the library lacks, which is more than most users will meet, and {none} have none. All
+one that the library lacks, and {none} have none; nobody knows how many of yours do. All
 answers: [other_rigs_answers.csv](blind/other_rigs_answers.csv)."""
 
 _POOLED = """\
