@@ -176,7 +176,7 @@ def _identified_again(found: Explanations) -> Floats:
     name = at_port("coefficients")
     if found.bench.own or name is None:
         return found.plain.x
-    return found.fits[(name,)].x
+    return found.fits.get((name,), found.plain).x
 
 
 def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
