@@ -87,8 +87,11 @@ def test_a_model_that_a_fit_has_bent_half_way_is_no_other_specimen_s(tmp_path: P
     assert not is_own(still_taken(evidence, x))
     crude = replace(core, transfer_function=TransferFunction.from_array(x), extra={})
     said = diagnose(data, replace(crude, campaign=data.campaign.name))
-    assert said.sets[0] == ("stiffening",)
-    assert not any("parameter_shift" in ids for ids in said.sets)
+    # How far it has bent nobody knows: an unknown cause is about as probable as the name.
+    assert said.kind != "no_gap"
+    named = [cause for cause in said.causes if cause.set[0] not in ("unknown", "none")]
+    assert named[0].set == ("stiffening",)
+    assert sum(one.probability for one in named if "parameter_shift" in one.set) < 0.05
     assert any("fitted to this campaign" in finding for finding in said.findings)
     # One that says that it was identified elsewhere has not bent with this gap.
     other = diagnose(data, replace(crude, campaign="another"))
