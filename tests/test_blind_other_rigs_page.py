@@ -87,7 +87,7 @@ def test_answers_are_read_as_they_were_written(tmp_path: Path) -> None:
     [
         ("rig,number", "rig,set", "line 1"),
         ("True", "perhaps", "line 2"),
-        ("0.900", "often", "line 2"),
+        ("0.9", "often", "line 2"),
     ],
 )
 def test_a_damaged_table_is_bad_input(tmp_path: Path, old: str, new: str, where: str) -> None:

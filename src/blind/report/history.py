@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from blind.judge.check import goal
 from blind.judge.targets import BOTH_RIGS
+from blind.report.csv_rows import names_of, read_rows, written_rows
 from blind.report.words import REACHED, percent
-from spa_fo.errors import BadInput
 
 _ONE_RIG = {"share": "1", "rig": "virtual_rig"}  # what runs were that do not say
 
@@ -98,18 +96,10 @@ def read_history(path: Path) -> list[Mark]:
     BadInput
         The file is not what `written` writes.
     """
-    if not path.is_file():
-        return []
-    names = [field.name for field in fields(Mark)]
-    with path.open(encoding="utf-8", newline="") as file:
-        reader = csv.DictReader(file)
-        if reader.fieldnames not in (names, [name for name in names if name not in _ONE_RIG]):
-            raise BadInput(path, f"expected the columns {', '.join(names)}", where="line 1")
-        try:
-            return [_mark(_ONE_RIG | row) for row in reader]
-        except (TypeError, ValueError) as error:
-            expected = "expected whole numbers of seed, cases and n in every row"
-            raise BadInput(path, expected, where=f"line {reader.line_num}") from error
+    names = names_of(Mark)
+    of_one_rig = [name for name in names if name not in _ONE_RIG]
+    expected = "expected whole numbers of seed, cases and n in every row"
+    return read_rows(path, (names, of_one_rig), lambda row: _mark({**_ONE_RIG, **row}), expected)
 
 
 def _mark(row: Mapping[str, str]) -> Mark:
@@ -125,11 +115,7 @@ def with_run(history: Sequence[Mark], run: Sequence[Mark]) -> list[Mark]:
 
 def written(history: Sequence[Mark]) -> str:
     """Write all runs as csv."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [field.name for field in fields(Mark)], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(asdict(mark) for mark in history)
-    return text.getvalue()
+    return written_rows(Mark, history)
 
 
 def rigs_of(history: Iterable[Mark]) -> list[str]:

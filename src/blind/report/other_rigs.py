@@ -6,22 +6,20 @@ Every number of its tables comes from the marks and the answers beside it.
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from blind.judge.questions import right_first
 from blind.judge.records import Outcome
 from blind.judge.statistics import calibration, rate
+from blind.report.csv_rows import names_of, read_rows, written_rows
 from blind.report.history import Mark, read_history, rigs_of, table
 from blind.report.words import rig_name, rows
 from spa_fo.atomic import write_text
 from spa_fo.edge import bad_input_exits
-from spa_fo.errors import BadInput
 
 _NO_SHARES = ("sets on average", "calibration error")  # marks that are no share of cases
 _SURE = 0.8  # more than this is sure, in the table of what an answer is worth
@@ -37,12 +35,13 @@ opened set taught, the next judges. To judge on a rig of your own: `python -m bl
 --help`."""
 
 _WORTH = """\
-Of the answers to {cases} campaigns of the {rigs}: how often such an answer was right. *One
-cause* is right where nothing is named that is not at work, or that nobody could tell from it;
-*several* where one of them is; *unknown* where the library lacks the cause; *no gap* where
-there is no effect. Effects have twice the noise floor or more; {missing} of the campaigns have
-one that the library lacks, and {none} have none; nobody knows how many of yours do. All
-answers: [other_rigs_answers.csv](blind/other_rigs_answers.csv)."""
+Of the answers to {cases} campaigns of the {rigs}, by the engines of their sets (commits below):
+how often such an answer was right. *One cause* is right where nothing is named that is not at
+work, or that nobody could tell from it; *several* where one of them is; *unknown* where the
+library lacks the cause; *no gap* where there is no effect. Effects have twice the noise floor
+or more; {missing} of the campaigns have one that the library lacks, and {none} have none;
+nobody knows how many of yours do. All answers:
+[other_rigs_answers.csv](blind/other_rigs_answers.csv)."""
 
 _POOLED = """\
 All sets of all hands, whichever engine judged them, and beside them the sets that were judged
@@ -120,33 +119,21 @@ def read_answers(path: Path) -> list[Given]:
     BadInput
         The file is not what `written` writes.
     """
-    if not path.is_file():
-        return []
-    names = [field.name for field in fields(Given)]
-    with path.open(encoding="utf-8", newline="") as file:
-        reader = csv.DictReader(file)
-        if reader.fieldnames != names:
-            raise BadInput(path, f"expected the columns {', '.join(names)}", where="line 1")
-        return [_answer(row, path, reader.line_num) for row in reader]
+    expected = "expected a whole number, a probability, and True or False in every row"
+    return read_rows(path, (names_of(Given),), _answer, expected)
 
 
-def _answer(row: dict[str, str], path: Path, line: int) -> Given:
-    try:
-        numbers = {"number": int(row["number"]), "probability": float(row["probability"])}
-        told = {key: {"True": True, "False": False}[row[key]] for key in ("right", "first")}
-    except (KeyError, TypeError, ValueError) as error:
-        expected = "expected a whole number, a probability, and True or False in every row"
-        raise BadInput(path, expected, where=f"line {line}") from error
+def _answer(row: Mapping[str, str]) -> Given:
+    numbers = {"number": int(row["number"]), "probability": float(row["probability"])}
+    told = {key: {"True": True, "False": False}[row[key]] for key in ("right", "first")}
     return Given(**{**row, **numbers, **told})  # type: ignore[arg-type]
 
 
 def written(answers: Iterable[Given]) -> str:
-    """Write answers as csv."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [field.name for field in fields(Given)], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(asdict(one) | {"probability": f"{one.probability:.3f}"} for one in answers)
-    return text.getvalue()
+    """Write answers as csv; probabilities to a thousandth."""
+    return written_rows(
+        Given, (replace(one, probability=round(one.probability, 3)) for one in answers)
+    )
 
 
 def worth(answers: Sequence[Given]) -> str:
