@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -210,6 +211,8 @@ def test_rigs_of_other_hands_are_added_up(scores: dict[str, Any]) -> None:
 # --- the command ----------------------------------------------------------------------------------
 
 
+DOCS = Path(__file__).parents[1] / "docs"
+
 OLD = """\
 seed,commit,cases,mark,goal,value,n,reached
 2035,abcdef012,340,found,≥ 0.95,0.955,44,yes
@@ -243,6 +246,16 @@ def test_the_command_copies_the_results_beside_the_page(results: Path, tmp_path:
     assert "Too long." not in page
     assert PRIORS[0][1] in page
     assert "classes" not in json.loads((beside / "scores.json").read_text())
+
+
+def test_the_published_page_is_made_of_what_stands_beside_it(tmp_path: Path) -> None:
+    documents = tmp_path / "docs"
+    shutil.copytree(DOCS / "blind", documents / "blind")
+    before = {path.name: path.read_bytes() for path in (documents / "blind").iterdir()}
+    told = [str(documents / "blind"), str(documents), "--command", "snakemake --cores 2 blind"]
+    assert main(told) == 0
+    assert (documents / "blind.md").read_text() == (DOCS / "blind.md").read_text()
+    assert {path.name: path.read_bytes() for path in (documents / "blind").iterdir()} == before
 
 
 def test_a_folder_without_scores_is_bad_input(

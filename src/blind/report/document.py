@@ -23,6 +23,7 @@ from blind.judge.targets import FALSE_ALARMS, IN_SETS, UNNAMED, WRONG_NAMES
 from blind.report import sections
 from blind.report.history import Mark, marks_of, read_history, rigs_of, table, with_run, written
 from blind.report.other_rigs import hits, pooled
+from blind.report.tables import read_classes
 from blind.report.words import percent, rig_name
 from spa_fo.atomic import replacing, write_text
 from spa_fo.edge import bad_input_exits
@@ -271,7 +272,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m blind.report.document",
         description="Copy the results of the blind benchmark into the documents, with their page. "
         "blind/note.md there becomes a part of it, and so does how "
-        "blind/measured_repeats.md begins.",
+        "blind/measured_repeats.md begins. Of DOCUMENTS/blind itself the page of the last run is "
+        "written again.",
+        epilog="example: python -m blind.report.document docs/blind docs "
+        '--command "snakemake --cores 2 blind"',
     )
     parser.add_argument("results", type=Path, help="folder with scores.json, tables and figures")
     parser.add_argument("documents", type=Path, help="gets blind.md and blind/")
@@ -279,20 +283,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     with bad_input_exits():
         scores = _scores(given.results / "scores.json")
-        origin = Origin(_commit(), given.command)
         beside = given.documents / "blind"
         told = beside / "history.csv"
+        known, again = read_history(told), given.results.resolve() == beside.resolve()
+        origin = Origin(known[-1].commit if again else _commit(), given.command)
         further = Further(
-            history=with_run(read_history(told), marks_of(scores, origin.commit)),
+            history=known if again else with_run(known, marks_of(scores, origin.commit)),
             priors=import_module("blind.surroundings").describe(),
             note=_part(beside / "note.md"),
             measured=_opening(beside / "measured_repeats.md"),
             others=read_history(beside / "other_rigs.csv"),
         )
         page = document(scores, origin, further)
-        _copy((path for name in _COPIED for path in sorted(given.results.glob(name))), beside)
-        write_text(beside / "scores.json", _without_classes(scores))
-        write_text(told, written(further.history))
+        if not again:
+            _copy((path for name in _COPIED for path in sorted(given.results.glob(name))), beside)
+            write_text(beside / "scores.json", _without_classes(scores))
+            write_text(told, written(further.history))
         write_text(given.documents / "blind.md", page)
     return 0
 
@@ -335,7 +341,10 @@ def _scores(path: Path) -> Mapping[str, Any]:
         scores: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise BadInput(path, f"expected the scores of a blind benchmark: {error}") from error
-    return scores
+    if "classes" in scores:
+        return scores
+    # What is published has the classes of surroundings in a table of its own.
+    return {**scores, "classes": read_classes(path.with_name("classes.csv"))}
 
 
 def _commit() -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from blind.judge.check import goal
+from blind.judge.statistics import Estimate
+from blind.judge.targets import TARGETS
 from blind.report.figures import (
     calibration_figure,
     confusion_figure,
@@ -137,6 +140,31 @@ def class_rows(classes: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
         for mark in classes
     ]
     return pd.DataFrame(rows)
+
+
+def read_classes(path: Path) -> list[dict[str, Any]]:
+    """Read the marks of every class of surroundings, as `class_rows` lists them."""
+    targets = {target.name: target for target in TARGETS}
+    told = {words: reached for reached, words in REACHED.items()}
+    found = []
+    for row in pd.read_csv(path, keep_default_na=False).to_dict("records"):
+        target = targets[row["mark"]]
+        low, high = float(row["95 % from"]), float(row["to"])
+        estimate = Estimate(float(row["value"]), low, high, int(row["cases"]))
+        found.append(
+            {
+                "rig": row["rig"],
+                "dimension": row["dimension"],
+                "class": row["class"],
+                "name": target.name,
+                "goal": target.goal,
+                "at_least": target.at_least,
+                "reached": told[row["reached"] or None],
+                "missed_beyond_interval": target.surely_missed_by(estimate) > 0.0,
+                "estimate": asdict(estimate),
+            }
+        )
+    return found
 
 
 def _effect_table(effects: Sequence[Mapping[str, Any]], line: str) -> Table:
