@@ -149,21 +149,18 @@ def standing_of(document: Any, campaign: str, source: Path | str = "diagnosis") 
 
 def _schema() -> dict[str, Any]:
     """JSON schema of what is read of a diagnosis."""
-    schema = _needed()
-    schema["properties"]["reference_kpa"] = {"type": "number", "exclusiveMinimum": 0}
-    return schema
-
-
-def _needed() -> dict[str, Any]:
     effects = {"type": "array", "minItems": 1, "items": {"enum": list(LIBRARY)}}
     names = {"type": "array", "items": {"type": "string"}}
-    return _object(
+    positive = {"type": "number", "exclusiveMinimum": 0}
+    schema = _object(
         schema={"const": SCHEMA},
         campaign={},
-        gap=_object(noise_floor_deg={"type": "number", "exclusiveMinimum": 0}),
+        gap=_object(noise_floor_deg=positive),
         verdict=_object(kind={"enum": list(_FEWEST)}, sets={"type": "array", "items": effects}),
         causes={"type": "array", "items": _object(set=names)},
     )
+    schema["properties"]["reference_kpa"] = positive  # files of before lack it
+    return schema
 
 
 def _object(**properties: Mapping[str, Any]) -> dict[str, Any]:
