@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 import campaigns
+from spa_fo.gap.answer.causes import smallest_bic
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.fit.bench import REST, Bench, bench_for
 from spa_fo.gap.fit.least_squares import starts
@@ -170,6 +172,14 @@ def test_a_search_in_two_parts_ends_where_a_long_one_does(lagged: Explanations) 
     known = lagged.fits[("sensor_lag",)]
     assert ended.quick == pytest.approx(known.quick, abs=0.02)
     assert ended.tried > rough.tried
+
+
+def test_the_smallest_criterion_names_nothing_that_was_taken_out(lagged: Explanations) -> None:
+    def smallest(*excluded: str) -> list[str]:
+        return smallest_bic(cast(Any, SimpleNamespace(found=lagged, excluded=excluded)))
+
+    assert smallest() == ["sensor_lag"]
+    assert "sensor_lag" not in smallest("sensor_lag")
 
 
 def test_what_moves_beyond_all_measure_is_left_out_and_ends_nothing(

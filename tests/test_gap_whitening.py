@@ -141,14 +141,15 @@ def test_what_is_left_is_judged_without_its_noise() -> None:
     assert np.mean(np.square(left)) == pytest.approx(0.64, rel=0.1)
 
 
-def test_a_sum_over_rows_varies_as_noise_makes_it() -> None:
+@pytest.mark.parametrize("level", [0.5, 1.0, 4.0])
+def test_a_sum_over_rows_varies_as_noise_of_a_level_makes_it(level: float) -> None:
     rows = laid()
     whitening = Whitening(rows, SPECTRUM, np.ones(rows.size))
     weights = np.random.default_rng(1).normal(size=rows.size)
     slow = 0.0
-    for group, own in zip(rows.groups, lowers(whitening.factor(1.0, 0.0)), strict=True):
+    for group, own in zip(rows.groups, lowers(whitening.factor(level, 0.0)), strict=True):
         slow += float(weights[group.rows] @ own @ own.T @ weights[group.rows])
-    assert whitening.variance_of(weights) == pytest.approx(slow)
+    assert whitening.variance_of(weights, level) == pytest.approx(slow)
 
 
 def test_a_few_noisy_rows_do_not_hide_what_is_left() -> None:
