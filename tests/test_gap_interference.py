@@ -122,6 +122,34 @@ def test_a_line_does_not_hide_itself_where_it_leaks_far(hz: float, clean: Campai
     assert found[1].gain > 50.0 * found[0].gain > 0.0
 
 
+def late_by_jitter(data: CampaignData, share: float) -> CampaignData:
+    """Let each interval between samples be longer by up to a share: the loop's work takes time."""
+    rng = np.random.default_rng(5)
+
+    def later(t_s: np.ndarray) -> np.ndarray:
+        steps = np.diff(t_s) * (1.0 + share * rng.uniform(size=t_s.size - 1))
+        return t_s[0] + np.append(0.0, np.cumsum(steps))
+
+    return replace(data, trials=tuple(replace(t, t_s=later(t.t_s)) for t in data.trials))
+
+
+@pytest.mark.parametrize("hz", [8.0, 17.3, 50.0])
+def test_a_line_is_found_in_a_log_whose_intervals_differ(hz: float, clean: CampaignData) -> None:
+    """Samples count when they were taken, which tells a line above half the rate from its alias."""
+    data = late_by_jitter(clean, 0.3)
+    assert np.diff(data.trials[0].t_s).min() > 1.0 / 50.0
+    found = fast_line(collect(hummed(data, hz, 0.8)))
+    assert found.frequency_hz == pytest.approx(hz, abs=0.02)
+    assert found.amplitude_deg == pytest.approx(0.8, rel=0.15)
+    assert fast_line(collect(data)).gain == 0.0
+
+
+def test_a_line_above_half_the_rate_of_a_regular_log_is_its_alias(clean: CampaignData) -> None:
+    rate = 1.0 / float(np.median(np.diff(clean.trials[0].t_s)))
+    found = fast_line(collect(hummed(clean, rate - 8.0, 0.8)))
+    assert found.frequency_hz == pytest.approx(8.0, abs=0.05)
+
+
 def test_no_fast_line_is_found_where_there_is_none(clean: CampaignData) -> None:
     assert fast_line(collect(clean)).gain == 0.0
 

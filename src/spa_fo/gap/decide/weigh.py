@@ -39,7 +39,10 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
     worth_it = best - WORTH_WEIGHING
 
     def apart(one: Fitted, other: Ids) -> float:
-        if other not in found.fits or at_port("line", one.ids) != at_port("line", other):
+        # No prediction holds waves: such as count are not done without.
+        waves = at_port("line", one.ids)
+        waved = waves is not None and one.moved_deg[waves] >= least_of(waves, s.no_gap * floor_deg)
+        if other not in found.fits or (waved and waves not in other):
             return float("inf")
         change = one.shared_deg - found.fits[other].shared_deg
         return float(np.sqrt(np.average(change**2, weights=weight)))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.sparse.linalg import spsolve
 
 from spa_fo.arrays import Floats
@@ -24,8 +24,12 @@ from spa_fo.rig import Trial
 
 SLOWEST_FAST_HZ = 3.2
 """Lines above do not show in the averaged samples."""
-_PADDED = 8192
+_PADDED = 8192  # intervals between samples, of a transform
+_FINER = 8  # parts of the fastest period by which it is told when a sample was taken
+_MAINS_HZ = 65.0  # a mains' own frequency is below
+_ALIAS = 1.1  # times the power of its alias a line above half the rate has to have. Assumed
 _ABOUT_HZ = 1.0  # to either side, of the background that a fast line stands out of
+_NEAR = 5  # frequencies of a transform among which the top of a line is
 _FEWEST = 3  # samples of a step that say something about what is fast
 _FEWEST_FAST = 32  # such samples in all
 _FAST_AMPLITUDES = np.geomspace(0.003, 30.0, 200)
@@ -67,41 +71,66 @@ def fast_line(evidence: Evidence) -> Line:
 
     It has to stand out of the noise of the frequencies about it, as that need not be white: of what
     they hold beside it, as in short trials a line leaks far. Logs too slow to show one have none.
+    Samples count when they were taken: a log that is not regular tells a line above half its rate
+    from the alias below, and may show nothing there.
     """
-    rate, pieces = _fast(evidence)
-    known = np.isfinite(pieces)
-    pieces, known = pieces[known.any(axis=1)], known[known.any(axis=1)]
-    counts = known.sum(axis=1, keepdims=True)
-    means = np.sum(pieces, axis=1, keepdims=True, where=known) / counts
-    pieces = np.where(known, pieces - means, 0.0)
-    n, total = int(counts.sum()), float(np.sum(pieces**2))
+    interval_s, pieces = _fast(evidence)
+    counts = np.array([[piece.time_s.size] for piece in pieces])
+    n, total = int(counts.sum()), float(sum(np.sum(piece.angle_deg**2) for piece in pieces))
     if n < _FEWEST_FAST or total <= 0.0:
         return NONE
-    frequency = np.asarray(np.fft.rfftfreq(_PADDED, 1.0 / rate), dtype=np.float64)
-    power = np.abs(np.fft.rfft(pieces)) ** 2 / counts
+    half_rate, step_hz = 0.5 / interval_s, 1.0 / (_PADDED * interval_s)
+    fastest_hz = max(half_rate, _MAINS_HZ)
+    parts = int(np.ceil(_FINER * fastest_hz * interval_s))
+    frequency: Floats = step_hz * np.arange(int(fastest_hz / step_hz) + 1, dtype=np.float64)
+    laid = interval_s / parts, frequency.size, parts * _PADDED
+    power = np.stack([piece.power(*laid) for piece in pieces]) / counts
     mean = power.mean(axis=0)
-    about = 2 * round(_ABOUT_HZ / (frequency[1] - frequency[0])) + 1
+    about = 2 * round(_ABOUT_HZ / step_hz) + 1
     least = 1e-6 * total / n
     background = np.maximum(median_filter(mean, size=about, mode="reflect"), least)
-    at = int(np.argmax(np.where(frequency < SLOWEST_FAST_HZ, 0.0, mean / background)))
-    left = np.abs(np.fft.rfft(_cleared(pieces, known, frequency[at] / rate))) ** 2 / counts
-    away, own = np.abs(frequency - frequency[at]), rate / float(np.median(counts))
+    beyond, near = frequency > half_rate, maximum_filter1d(mean, _NEAR)
+    stands_out, alias = mean / background, _alias(frequency, half_rate)
+    stands_out[beyond] = mean[beyond] / np.maximum(background[beyond], np.median(mean[~beyond]))
+    # About the rate are images of what is slow, and of whatever is fast where the log is regular.
+    stands_out[beyond & (mean < _ALIAS * np.interp(alias, frequency, near))] = 0.0
+    stands_out[alias < SLOWEST_FAST_HZ] = 0.0
+    at = int(np.argmax(stands_out))
+    left = [piece.without(frequency[at]).power(*laid) for piece in pieces]
+    away, own = np.abs(frequency - frequency[at]), 1.0 / (interval_s * float(np.median(counts)))
     beside = (away > own) & (away <= own + _ABOUT_HZ)
-    median = float(np.median(left.mean(axis=0)[beside])) if beside.any() else float(background[at])
+    mean_left = (np.stack(left) / counts).mean(axis=0)
+    median = float(np.median(mean_left[beside])) if beside.any() else float(background[at])
     # The median of an exponential is ln 2 of its mean.
     noise = max(median, least) / np.log(2.0)
-    price = float(np.log(_PADDED / 2.0) + np.log(_FAST_AMPLITUDES.size))
+    price = float(np.log(frequency.size / 2.0) + np.log(_FAST_AMPLITUDES.size))
     chi2, seen = 2.0 * power[:, [at]] / noise, counts / (2.0 * noise)
     return _best(frequency[[at]], chi2, seen, _FAST_AMPLITUDES, price)
 
 
-def _cleared(pieces: Floats, known: NDArray[np.bool_], turns: float) -> Floats:
-    """Take a wave of so many turns a sample off each trial, (trials, samples)."""
-    waves = wave(turns, np.arange(pieces.shape[1], dtype=np.float64))
-    left = pieces.copy()
-    for own, here in zip(left, known, strict=True):
-        own[here] -= waves[here] @ np.linalg.lstsq(waves[here], own[here], rcond=None)[0]
-    return left
+def _alias(hz: Floats, half_rate: float) -> Floats:
+    """Give where a regular log shows frequencies."""
+    return np.asarray(np.abs((hz + half_rate) % (2.0 * half_rate) - half_rate))
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """What the angle of a trial does within the averaging steps: (n,) each."""
+
+    time_s: Floats
+    angle_deg: Floats
+
+    def power(self, step_s: float, size: int, length: int) -> Floats:
+        """Squared transform at the first `size` frequencies of `length` steps."""
+        at = np.rint(self.time_s / step_s).astype(np.int64)
+        laid = np.bincount(at, weights=self.angle_deg, minlength=length)
+        return np.asarray(np.abs(np.fft.rfft(laid)[:size]) ** 2)
+
+    def without(self, hz: float) -> _Piece:
+        """Take a wave off."""
+        waves = wave(hz, self.time_s)
+        own = waves @ np.linalg.lstsq(waves, self.angle_deg, rcond=None)[0]
+        return replace(self, angle_deg=self.angle_deg - own)
 
 
 def without_lines(evidence: Evidence) -> Evidence:
@@ -169,18 +198,18 @@ def _within_steps(evidence: Evidence, i: int) -> tuple[Floats, NDArray[np.bool_]
     return trial.angle_deg - smooth, dense & ~trial.after_reset
 
 
-def _fast(evidence: Evidence) -> tuple[float, Floats]:
-    """Take what the angle does within the averaging steps: (trials, samples), NaN in the gaps."""
-    trials = evidence.grid.trials
-    interval = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in trials])))
-    used = np.flatnonzero(evidence.takes_part)
-    pieces = np.full((used.size, _PADDED), np.nan)
-    for piece, i in zip(pieces, used.tolist(), strict=True):
+def _fast(evidence: Evidence) -> tuple[float, list[_Piece]]:
+    """Take the usual interval between samples, s, and what the angle does within the steps."""
+    trials, pieces = evidence.grid.trials, []
+    interval_s = float(np.median(np.concatenate([np.diff(trial.t_s) for trial in trials])))
+    for i in np.flatnonzero(evidence.takes_part).tolist():
         within, dense = _within_steps(evidence, i)
-        at = np.rint(trials[i].t_s / interval).astype(np.int64)
-        dense &= at < _PADDED
-        piece[at[dense]] = within[dense]
-    return 1.0 / interval, pieces
+        time_s = trials[i].t_s - trials[i].t_s[0]
+        dense &= time_s < (_PADDED - 1) * interval_s
+        if dense.any():
+            own = within[dense]
+            pieces.append(_Piece(time_s[dense], own - own.mean()))
+    return interval_s, pieces
 
 
 def slow_line(

@@ -31,8 +31,9 @@ _WINDOWS = (65, 17, 5, 1)  # cells over which the measured pressure is averaged,
 # cycle make 4.6 and 7.3 %. Assumed in between.
 _MOST_WANDER = 0.03
 _SHARP = 4.0  # times a trial's median noise: rows beyond are about a jump
-_PAIRED = 4  # of the best single effects
+_HOSTS, _PAIRED = 4, 8  # single effects that get others beside them; pairs fitted to the end
 _ENOUGH, _MOST_TRIED = 0.01, 40  # of a search
+_ROUGH, _ROUGH_TRIED = 0.5, 4  # of one that only says whether a pair is worth it
 _BEST_STARTS = 2
 # A jump that comes late by more than a cell does not say which way it should move.
 _DELAYS_S = (0.01, *(np.arange(1, 76, 2) * FINEST_STEP_S).tolist())
@@ -104,7 +105,7 @@ def _best(fits: Mapping[Ids, DriveFit]) -> DriveFit:
 def examine_drive(
     evidence: Evidence, excluded: Sequence[str], x: Floats, beyond: Spectrum | None = None
 ) -> Drive:
-    """Explain the measured pressure: no effect, every single one, and pairs with the best.
+    """Explain the measured pressure: no effect, every single one, and the most promising pairs.
 
     Parameters
     ----------
@@ -127,12 +128,18 @@ def examine_drive(
         own = problem(ids)
         return _fit(own, starts(own, np.zeros(0), _DELAYS_S), rooms)
 
-    def together(ids: Ids) -> DriveFit:
+    def together(ids: Ids) -> list[Floats]:
         singles = [fits[(name,)] for name in ids]
         own = [fit.z[:-1] for fit in singles]
         # What is late may be the sensor for the one, and the drive for the other.
         lags = sorted({round(float(f.z[-1]), 3) for f in singles})
-        return _fit(problem(ids), [np.array([*np.concatenate(own), lag]) for lag in lags], rooms)
+        return [np.array([*np.concatenate(own), lag]) for lag in lags]
+
+    def roughly(ids: Ids) -> tuple[float, list[Floats]]:
+        own, factor = problem(ids), whitening.factor(1.0, SETTINGS.search_share)
+        first, *others = sorted(together(ids), key=lambda z: own.misfit(z, factor))
+        found = own.search(first, factor, own.variance, _ROUGH, _ROUGH_TRIED)
+        return found.at.value, [found.z, *others]
 
     rooms = _rooms(evidence, step)
     fits: dict[Ids, DriveFit] = {(): alone(())}
@@ -142,14 +149,13 @@ def examine_drive(
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
         fits |= {f.ids: f for f in each(alone, [(name,) for name in names])}
         ranked = sorted(names, key=lambda n: -float(fits[(n,)].evidence.max()))
-        pairs = [
-            ordered((one, other))
-            for place, one in enumerate(ranked[:_PAIRED])
-            # What is small beside the best may have been nothing by itself.
-            for other in ranked[place + 1 : None if place == 0 else _PAIRED]
-            if beside((one,), (other,))
-        ]
-        fits |= {f.ids: f for f in each(together, pairs)}
+        # What is small beside the best may have been nothing by itself.
+        both = [(a, b) for a in ranked[:_HOSTS] for b in beside((a,), names) if a != b]
+        pairs = list(dict.fromkeys(map(ordered, both)))
+        begun = dict(zip(pairs, each(roughly, pairs), strict=True))
+        promising = sorted(pairs, key=lambda ids: begun[ids][0])[:_PAIRED]
+        ended = each(lambda ids: _fit(problem(ids), begun[ids][1], rooms), promising)
+        fits |= {fit.ids: fit for fit in ended}
     return drive_of(evidence, fits, x, wander)
 
 
