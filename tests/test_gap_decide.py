@@ -351,8 +351,8 @@ def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
     def weighed(alone_deg):
         apart = {(): 3.0, ("leak",): 3.0, ("creep",): alone_deg}.get
         worth = dict.fromkeys([("leak",), ("creep",)], 0.0).get
-        sizes = 3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG
-        (one,) = part.parts_of(fit, logs, moved, apart, worth, *sizes)
+        sizes = part.Sizes(3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
+        (one,) = part.parts_of(fit, logs, moved, apart, worth, sizes)
         return one
 
     helped, unknown_to_all = weighed(0.25), weighed(np.inf)
@@ -386,7 +386,8 @@ def test_where_either_of_two_does_as_well_either_is_named():
     logs, moved = np.array([0.0, -30.0, -90.0, -200.0, -300.0, -400.0]), {"creep": 3.0, "leak": 2.9}
     apart = {(): 3.0, ("leak",): 0.02, ("creep",): 0.01}.get
     worth = {("leak",): -4.0, ("creep",): -1.0}.get
-    parts = part.parts_of(fit, logs, moved, apart, worth, 3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
+    sizes = part.Sizes(3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
+    parts = part.parts_of(fit, logs, moved, apart, worth, sizes)
     assert [p.named for p in parts] == [("creep",), ("leak",)]
     behind = log_prior(("leak",)) - log_prior(("creep",)) - 3.0 * SETTINGS.temper
     assert parts[1].right - parts[0].right == pytest.approx(behind)
@@ -469,6 +470,24 @@ def test_an_interference_counts_from_twice_what_another_cause_does() -> None:
     assert part._that_move({"creep": 1.1 * least}, least) == ("creep",)
     assert part._that_move({"mains_pickup": 1.1 * least}, least) == ()
     assert part._that_move({"mains_pickup": 2.1 * least}, least) == ("mains_pickup",)
+
+
+@pytest.mark.parametrize(("times", "has_a_price"), [(1.9, False), (2.1, True)])
+def test_an_interference_too_small_to_be_named_has_no_price(
+    times: float, has_a_price: bool
+) -> None:
+    """No prediction holds its waves: it is no further from what explains the same without it."""
+    moved = {"creep": 2.0, "mains_pickup": times * LEAST_DEG}
+    waved = fit(("creep", "mains_pickup"), 2.01, moved)
+    fits = {f.ids: f for f in (fit((), 0.0, {}), fit(("creep",), 2.0, {"creep": 2.0}), waved)}
+    fits[("creep",)].logs = waved.logs - 1000.0  # an interference may be worth any evidence
+    evidence = SimpleNamespace(grid=SimpleNamespace(counts=np.ones(10)))
+    noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=5))
+    bench = SimpleNamespace(evidence=evidence, gap_deg=GAP_DEG, noise=noise)
+    parts = weigh._of_angle(SimpleNamespace(fits=fits, bench=bench, excluded=()), FLOOR_DEG)
+    (one,) = [p for p in parts if p.fit.ids == waved.ids]
+    assert one.named == (waved.ids if has_a_price else ("creep",))
+    assert one.priced == one.named
 
 
 def test_an_interference_that_the_library_lacks_is_an_unknown_cause():

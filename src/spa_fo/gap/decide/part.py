@@ -62,6 +62,17 @@ class Part:
     missed: Floats  # by share, deg
 
 
+@dataclass(frozen=True)
+class Sizes:
+    """What sizes of an explanation are held against, deg."""
+
+    all_deg: float  # what all its effects do
+    gap_deg: float
+    left_deg: float  # of the gap, which repeats and is not explained
+    floor_deg: float  # the noise floor
+    least_deg: float  # by which an effect moves the angle that may be named
+
+
 def missed_of(gap_deg: float, left_deg: float) -> Floats:
     """Say how much is missed at each share, deg: at any but none no less than is left."""
     least = np.where(_SHARES > 0.0, min(left_deg, gap_deg), 0.0)
@@ -93,22 +104,18 @@ def parts_of(
     moved: Mapping[str, float],
     apart: Callable[[Ids], float],
     worth: Callable[[Ids], float],
-    all_deg: float,
-    gap_deg: float,
-    left_deg: float,
-    floor_deg: float,
-    least_deg: float,
+    sizes: Sizes,
     repeats: bool = True,
 ) -> list[Part]:
     """Weigh one fit by what it is named for; none where another is worth as much without it.
 
     `apart` says by how much the fit of some of its effects alone differs, deg: infinite where there
-    is none; `worth` what that is worth, nats. An effect is named where it moves the angle, by
-    `least_deg`, and where the others do not do as well without it, against `all_deg`, what all of
-    them do. Where several do, each has a part, as far behind the best as by itself.
+    is none; `worth` what that is worth, nats. An effect is named where it moves the angle and where
+    the others do not do as well without it. Where several do, each has a part, as far behind the
+    best as by itself.
     """
-    s, ids, moving = SETTINGS, fit.ids, _that_move(moved, least_deg)
-    least = max(s.needed * floor_deg, s.of_all * all_deg)
+    s, ids, moving = SETTINGS, fit.ids, _that_move(moved, sizes.least_deg)
+    least = max(s.needed * sizes.floor_deg, s.of_all * sizes.all_deg)
     parts = []
     every = _enough(moving, apart, worth, least, float(logs.max()) - WORTH_WEIGHING)
     for named in every if moving or not ids else []:
@@ -117,9 +124,9 @@ def parts_of(
         priced, helped = named, 0.0 if named == ids else apart(named)
         if not np.isfinite(helped):
             priced, helped = ids, 0.0
-        missed = missed_of(gap_deg, max(left_deg, helped))
+        missed = missed_of(sizes.gap_deg, max(sizes.left_deg, helped))
         behind = worth(every[0]) - worth(named) if len(every) > 1 else 0.0
-        right, unknown = weighed(priced, logs - behind, missed, floor_deg, repeats)
+        right, unknown = weighed(priced, logs - behind, missed, sizes.floor_deg, repeats)
         left, its = float(missed[int(np.argmax(logs))]), {n: moved[n] for n in named}
         parts.append(Part(named, priced, right, unknown, fit, its, left, missed))
     return parts

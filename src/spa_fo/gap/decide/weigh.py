@@ -11,7 +11,15 @@ import numpy as np
 from scipy.special import expit, logsumexp
 
 from spa_fo.gap.data.evidence import Evidence, modelled_pressure
-from spa_fo.gap.decide.part import Part, least_of, missed_of, parts_of, stands_in, with_one_more
+from spa_fo.gap.decide.part import (
+    Part,
+    Sizes,
+    least_of,
+    missed_of,
+    parts_of,
+    stands_in,
+    with_one_more,
+)
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.noise.interference import Line
@@ -59,14 +67,15 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
             parts.append(Part(ids, ids, -np.inf, np.array([beyond]), f, {}, 0.0, nothing))
             continue
         logs, own = f.logs - price(f), partial(apart, f)
-        sizes = min(own(()), 1e6), bench.gap_deg, f.left_deg, floor_deg, s.no_gap * floor_deg
+        all_deg, least_deg = min(own(()), 1e6), s.no_gap * floor_deg
+        sizes = Sizes(all_deg, bench.gap_deg, f.left_deg, floor_deg, least_deg)
         # What goes with the trials' order, or dwells of a calibration show alike, is structure that
         # is left, too: an unknown effect beside a set. Where a set is far behind, dwells show what
         # the curve takes of its misfit.
         structure = [(f.trend_nats, f.trend_deg)]
         if logs.max() > worth_it:
             structure.append((f.fixture_nats, f.fixture_deg))
-        for part in parts_of(f, logs, f.moved_deg, own, worth, *sizes, repeats):
+        for part in parts_of(f, logs, f.moved_deg, own, worth, sizes, repeats):
             for nats, size_deg in structure:
                 if size_deg <= s.no_gap * floor_deg:
                     continue
@@ -105,8 +114,8 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) 
     parts: list[Part] = []
     for f in drive.fits.values():
         by_name = {name: moved(f, name) for name in f.ids}
-        sizes = drive.gap_deg, drive.gap_deg, left(f), floor_deg, least
-        parts += parts_of(f, f.evidence, by_name, partial(apart, f), worth, *sizes)
+        sizes = Sizes(drive.gap_deg, drive.gap_deg, left(f), floor_deg, least)
+        parts += parts_of(f, f.evidence, by_name, partial(apart, f), worth, sizes)
     return parts
 
 
