@@ -9,6 +9,17 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from spa_fo.compare.held_to_reference import (
+    SURELY,
+    beyond_expected,
+    differs,
+    not_compared,
+    only_part_differs,
+    unnamed,
+    unsure_of_the_sensor,
+    unsure_to_close,
+    with_equivalents,
+)
 from spa_fo.gap.answer.causes import _stood
 from spa_fo.gap.claim.claimed import (
     CLEARLY,
@@ -20,17 +31,6 @@ from spa_fo.gap.claim.claimed import (
     times_expected,
     too_large_for_none,
     too_small_for_any,
-)
-from spa_fo.gap.claim.expected import (
-    SURELY,
-    beyond_expected,
-    differs,
-    not_compared,
-    only_part_differs,
-    unnamed,
-    unsure_of_the_sensor,
-    unsure_to_close,
-    with_equivalents,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.diagnose import _alone_does

@@ -28,7 +28,6 @@ READ_AFTER_ALL_IS_FITTED = {
     "weigh.py",
     "verdict.py",
     "claimed.py",
-    "expected.py",
     "against_laws.py",
     "diagnose.py",
     "laws.py",

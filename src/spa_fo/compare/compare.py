@@ -20,6 +20,7 @@ from spa_fo.compare.angle_law import AngleKnown, know_angle
 from spa_fo.compare.drive_law import know_drive, shows_drive
 from spa_fo.compare.expectation import best, noise_of
 from spa_fo.compare.fading_memory import FadingMemoryLaw
+from spa_fo.compare.held_to_reference import Reference
 from spa_fo.compare.misread import Misread, with_misread
 from spa_fo.compare.zero import at_rest_deg, moving_deg
 from spa_fo.gap.data.evidence import Foreseen, largest_deg
@@ -181,7 +182,7 @@ def compare(
         excluded=excluded,
         seed=seed,
         progress=progress,
-        beyond=beyond,
+        reference=Reference(beyond),
     )
     found = tuple(each for own in known.misread for each in own)
     change = replace(change, findings=(*known.broken, *change.findings))

@@ -7,9 +7,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal, Protocol
 
 import numpy as np
 
+from spa_fo.arrays import Bools, Floats
 from spa_fo.atomic import write_text
 from spa_fo.blas import one_blas_thread
 from spa_fo.errors import BadInput
@@ -30,18 +32,7 @@ from spa_fo.gap.claim.claimed import (
     too_large_for_none,
     too_small_for_any,
 )
-from spa_fo.gap.claim.expected import (
-    beyond_expected,
-    differs,
-    not_compared,
-    only_part_differs,
-    times_missed_of_drive,
-    unnamed,
-    unsure_of_the_sensor,
-    unsure_to_close,
-    with_equivalents,
-)
-from spa_fo.gap.data.evidence import noise_floor
+from spa_fo.gap.data.evidence import Evidence, noise_floor
 from spa_fo.gap.data.hold_out import HeldOut, hold_out, nothing_held_out, rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
 from spa_fo.gap.decide.explanation import Explanation
@@ -61,6 +52,29 @@ from spa_fo.validation import suggestion
 
 Progress = Callable[[str], None]
 Answer = tuple[Examined, Claim, Verdict]
+
+
+class Reference(Protocol):
+    """What a campaign was before, if that is known: its answer is held against that instead."""
+
+    @property
+    def beyond(self) -> Beyond:
+        """What is to be expected beside the bench's own noise."""
+
+    def sizes_deg(self, everything: Evidence, plain_deg: Floats) -> tuple[float, float]:
+        """Give by how much a campaign differs, and may without any change, RMS, deg."""
+
+    def held(self, examined: Examined, claimed: Claim) -> Verdict:
+        """Hold an answer against it."""
+
+    def held_to_claim(self, verdict: Verdict, claimed: Claim) -> Verdict:
+        """Hold an answer against what is claimed of it at last."""
+
+    def only_part_differs(
+        self, everything: Evidence, held: Bools, plain_deg: Floats
+    ) -> Literal["held", "others"] | None:
+        """Say which trials alone show that something has changed."""
+
 
 _ALL = "none, as what could be held out is all that shows the change, or shows none of it"
 
@@ -125,7 +139,7 @@ def diagnose(
     excluded: Sequence[str] = (),
     seed: int = 1,
     progress: Progress = silent,
-    beyond: Beyond | None = None,
+    reference: Reference | None = None,
 ) -> Diagnosis:
     """Diagnose a campaign.
 
@@ -141,11 +155,11 @@ def diagnose(
         Of the trials that are held out and of the bootstrap.
     progress : callable
         Told of each step in words.
-    beyond : Beyond, optional
-        What is to be expected beside the bench's own noise.
+    reference : Reference, optional
+        Of a comparison: what is to be expected beside the bench's own noise.
     """
     use_effects_of(data.campaign.folder)
-    answer = _answered(data, plain, excluded, seed, progress, beyond)
+    answer = _answered(data, plain, excluded, seed, progress, reference)
     (examined, claimed, verdict), missing = _with_laws(answer, seed, progress)
     everything, floor, nominal = examined.everything, examined.floor_deg, examined.nominal
     # Repeats differ by an interference, too.
@@ -153,8 +167,8 @@ def diagnose(
         math.hypot(_gap_deg(examined, claimed), everything.line_deg),
         math.hypot(floor, everything.line_deg),
     )
-    if beyond is not None:
-        sizes = differs(everything, claimed.curves["plain"], beyond)
+    if reference is not None:
+        sizes = reference.sizes_deg(everything, claimed.curves["plain"])
     noise, curves, measured = examined.found.bench.noise, claimed.curves, everything.grid.angle_deg
     repeated = noise.spectrum.repeats > 0
     final = None
@@ -169,11 +183,12 @@ def diagnose(
     progress("looking for the experiment that would decide")
     steps = next_steps(verdict.kind, verdict.sets, causes, everything, floor)
     # Between two campaigns what makes a part doubtful says nothing of where; a law here does.
-    first = verdict if beyond is None else examined.verdict
-    expected = None if beyond is None else beyond.variance(everything, curves["plain"])
-    closed = 0.0
-    if beyond is not None and verdict.sets:
-        closed = claimed.closed.get(verdict.sets[0], 0.0)
+    first, expected, closed = verdict, None, 0.0
+    if reference is not None:
+        first = examined.verdict
+        expected = reference.beyond.variance(everything, curves["plain"])
+        if verdict.sets:
+            closed = claimed.closed.get(verdict.sets[0], 0.0)
     arises = stages(examined, verdict, first, curves["plain"], expected, closed)
     located = shares(everything, measured - curves["plain"], curves["plain"])
     return Diagnosis(
@@ -222,19 +237,19 @@ def _answered(
     excluded: Sequence[str],
     seed: int,
     progress: Progress,
-    beyond: Beyond | None,
+    reference: Reference | None,
 ) -> Answer:
-    """Answer, held against the trials that took no part."""
+    """Answer, held against the trials that took no part, or against a reference."""
     rng = np.random.default_rng(seed)
-    examined, claimed = _examined(data, plain, excluded, rng, progress, beyond)
-    if beyond is None:
+    examined, claimed = _examined(data, plain, excluded, rng, progress, reference)
+    if reference is None:
         verdict = held_against_trials(examined, claimed, progress)
     else:
-        verdict = _held_against_reference(examined, claimed, beyond)
+        verdict = reference.held(examined, claimed)
     if verdict.sets[:1] != examined.verdict.sets[:1]:
         claimed = claim(examined, verdict, rng)
-    if beyond is not None:
-        verdict = unsure_to_close(verdict, claimed)
+    if reference is not None:
+        verdict = reference.held_to_claim(verdict, claimed)
     return examined, claimed, verdict
 
 
@@ -260,33 +275,16 @@ def held_against_trials(examined: Examined, claimed: Claim, progress: Progress =
     return verdict
 
 
-def _held_against_reference(examined: Examined, claimed: Claim, beyond: Beyond) -> Verdict:
-    """Hold what was decided against what a reference lets expect."""
-    everything = examined.everything
-    verdict = alone_if_rare(held_to(examined.verdict, claimed))
-    size, expected = differs(everything, claimed.curves["plain"], beyond)
-    of_drive = times_missed_of_drive(everything, beyond)
-    times = math.inf if beyond.broken else size / expected
-    verdict = beyond_expected(verdict, times, beyond.changed, of_drive, claimed)
-    if everything.fixture is None:
-        verdict = with_equivalents(verdict, claimed, everything.has_pressure)
-        verdict = unsure_of_the_sensor(verdict)
-    if beyond.says_nothing:
-        verdict = not_compared(verdict)
-    elif beyond.says_little:
-        verdict = unnamed(verdict)
-    return verdict
-
-
 def _examined(
     data: CampaignData,
     plain: Model,
     excluded: Sequence[str],
     rng: np.random.Generator,
     progress: Progress,
-    beyond: Beyond | None,
+    reference: Reference | None,
 ) -> tuple[Examined, Claim]:
     """Explain a campaign, held-out trials being such as can judge."""
+    beyond = None if reference is None else reference.beyond
 
     def explained(held: HeldOut | None = None) -> tuple[Examined, Claim]:
         found = examine(data, plain, excluded, rng, progress, beyond, held)
@@ -294,13 +292,13 @@ def _examined(
         return found, claim(found, found.verdict, rng)
 
     examined, claimed = explained()
-    if beyond is None:
+    if reference is None:
         return examined, claimed
     everything, plain_deg = examined.everything, claimed.curves["plain"]
-    part = only_part_differs(everything, examined.held.trials, plain_deg, beyond)
+    part = reference.only_part_differs(everything, examined.held.trials, plain_deg)
     if part == "others":
         again = hold_out(everything, rng, everything.grid.angle_deg - plain_deg)
-        part = only_part_differs(everything, again.trials, plain_deg, beyond)
+        part = reference.only_part_differs(everything, again.trials, plain_deg)
         if part is None:
             progress("once more: those that were held out show no change")
             return explained(again)

@@ -1,16 +1,23 @@
-"""What changed between two campaigns, held against what the reference lets expect."""
+"""What changed between two campaigns, held against what the reference lets expect.
+
+A diagnosis holds its answer against trials that took no part; of a change it is the reference that
+says how large it has to be.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from spa_fo.arrays import Bools, Floats
-from spa_fo.gap.claim.claimed import CLEARLY, Claim, too_large_for_none
+from spa_fo.gap.claim.against_laws import alone_if_rare
+from spa_fo.gap.claim.claimed import CLEARLY, Claim, held_to, too_large_for_none
 from spa_fo.gap.data.evidence import Evidence
+from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.verdict import Kind, Verdict, judged_anew
 from spa_fo.gap.fit.pressure import timing_error
 from spa_fo.gap.noise.bench_noise import Beyond
@@ -19,6 +26,44 @@ from spa_fo.plant.effects.library import LIBRARY, Ids, acts_like, alike, same_fi
 
 SURELY = 2.0
 """Of the excess that is a change as probably as not: so large it is one, and has its name."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What a reference lets expect, as a diagnosis asks for it."""
+
+    beyond: Beyond
+
+    def sizes_deg(self, everything: Evidence, plain_deg: Floats) -> tuple[float, float]:
+        """Give by how much a campaign differs, and may without any change, RMS, deg."""
+        return differs(everything, plain_deg, self.beyond)
+
+    def held(self, examined: Examined, claimed: Claim) -> Verdict:
+        """Hold an answer against it."""
+        everything, beyond = examined.everything, self.beyond
+        verdict = alone_if_rare(held_to(examined.verdict, claimed))
+        size, expected = self.sizes_deg(everything, claimed.curves["plain"])
+        of_drive = times_missed_of_drive(everything, beyond)
+        times = math.inf if beyond.broken else size / expected
+        verdict = beyond_expected(verdict, times, beyond.changed, of_drive, claimed)
+        if everything.fixture is None:
+            verdict = with_equivalents(verdict, claimed, everything.has_pressure)
+            verdict = unsure_of_the_sensor(verdict)
+        if beyond.says_nothing:
+            verdict = not_compared(verdict)
+        elif beyond.says_little:
+            verdict = unnamed(verdict)
+        return verdict
+
+    def held_to_claim(self, verdict: Verdict, claimed: Claim) -> Verdict:
+        """Hold an answer against what is claimed of it at last."""
+        return unsure_to_close(verdict, claimed)
+
+    def only_part_differs(
+        self, everything: Evidence, held: Bools, plain_deg: Floats
+    ) -> Literal["held", "others"] | None:
+        """Say which trials alone show that something has changed."""
+        return only_part_differs(everything, held, plain_deg, self.beyond)
 
 
 def beyond_expected(
