@@ -27,14 +27,20 @@ def low_pass(signal, time_constant, venting_excess=0.0):
     return np.array(out)
 
 
-def lag(signal, time_constant_s, second_pole, tail_share, venting_excess=0.0):
-    """One part through two filters, the other through one that is four times as late."""
+def lag(signal, time_constant_s, second_pole, tail_share, venting_excess=0.0, orifice_share=0.0):
+    """One part through two filters, one through one that is four times as late, one an orifice."""
     mean = (1.0 - tail_share) + 4.0 * tail_share
     quick = time_constant_s / mean
     first = low_pass(signal, quick * (1.0 - second_pole), venting_excess)
     first = low_pass(first, quick * second_pole, venting_excess)
     tail = low_pass(signal, 4.0 * quick, venting_excess)
-    return (1.0 - tail_share) * first + tail_share * tail
+    linear = (1.0 - tail_share) * first + tail_share * tail
+    if not orifice_share:
+        return linear
+    # A rise of 30 kPa takes three times as long as it comes late on the mean.
+    filling = 3.0 * time_constant_s * math.sqrt(10.0 / 30.0)
+    rooted = orifice(signal, filling, 1.0 + venting_excess)
+    return (1.0 - orifice_share) * linear + orifice_share * rooted
 
 
 def play(signal, width, centre, wait=0.0, vented=0.0):

@@ -26,6 +26,7 @@ SIZES: dict[str, dict[str, float]] = {
         "second_pole": 0.3,
         "tail_share": 0.2,
         "venting_excess": 0.5,
+        "orifice_share": 0.6,
     },
     "supply_droop": {
         "fraction": 0.12,
@@ -83,7 +84,6 @@ SIZES: dict[str, dict[str, float]] = {
     "sensor_slip": {"walk_deg": 0.4, "zero_deg": -1.0},
     "channel_latency": {"delay_s": 0.13},
     "mains_pickup": {"amplitude_deg": 1.0},
-    "orifice_flow": {"filling_s": 0.25, "venting_ratio": 1.6},
     "drive_overshoot": {"fraction": 0.15, "period_s": 1.2, "damping": 0.3},
     "drive_hunting": {"fall": 0.2, "period_s": 3.0},
     "supply_limit": {"highest_kpa": 20.0},

@@ -328,6 +328,12 @@ def test_a_line_that_vents_otherwise_than_it_fills_is_not_linear() -> None:
     assert longer.part.lags_s == as_long.part.lags_s == (0.4, 0.1)
 
 
+def test_a_line_that_is_an_orifice_is_not_linear() -> None:
+    own = {"parameters": {**LAG["parameters"], "orifice_share": 0.7}}  # type: ignore[dict-item]
+    with pytest.raises(BadInput, match=r"line_lag \(70% of it is an orifice's\)"):
+        export_model(replace(PLAIN, effects=(LAG | own,)))
+
+
 def with_tail(share: float) -> dict[str, Any]:
     return LAG | {"parameters": {**LAG["parameters"], "tail_share": share}}  # type: ignore[dict-item]
 

@@ -325,7 +325,10 @@ def planned(truth: str, other: str, tapped: bool = False) -> Any:
     blocks = "mullins_softening" in (truth, other)
     levels = (55.0, 55.0, 27.0, 27.0) if blocks else (27.0, 55.0, 27.0, 55.0)
     where = bench(*map(up_step, levels), tapped=tapped)
-    linear = {"line_lag": {"venting_excess": 0.0}, "sensor_lag": {"return_excess": 0.0}}
+    linear = {
+        "line_lag": {"venting_excess": 0.0, "orifice_share": 0.0},
+        "sensor_lag": {"return_excess": 0.0},
+    }
     true, rival = one(truth, **linear), one(other, **linear)
     return plan([true, fitted(rival, true, where)], where, FLOOR_DEG)
 

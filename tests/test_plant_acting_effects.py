@@ -69,24 +69,6 @@ def driven(name: str, command: np.ndarray, **changes: float) -> np.ndarray:
     return true_pressure(command, starts, vector(name, **changes), np.zeros(2))
 
 
-def test_an_orifice_against_a_fine_loop() -> None:
-    slow = naive.orifice(fine(jerky()), 0.25, 1.6)
-    found = driven("orifice_flow", jerky())
-    assert np.abs(found - jerky()).max() > 10.0
-    np.testing.assert_allclose(found, coarse(slow), atol=0.02)
-
-
-@pytest.mark.parametrize("height", [10.0, 40.0])
-def test_an_orifice_ends_after_a_time_that_goes_as_the_root_of_the_step(height: float) -> None:
-    up = np.repeat([0.0, height], [1, 400])
-    takes = math.sqrt(height / 10.0)
-    filled = driven("orifice_flow", up, filling_s=1.0, venting_ratio=1.5) >= height - 1e-9
-    assert FINEST_STEP_S * (np.argmax(filled) - 1) == pytest.approx(takes, abs=0.03)
-    command = np.concatenate([np.full(400, height), np.zeros(400)])
-    vented = driven("orifice_flow", command, filling_s=1.0, venting_ratio=1.5)[400:] <= 1e-9
-    assert FINEST_STEP_S * np.argmax(vented) == pytest.approx(1.5 * takes, abs=0.03)
-
-
 @pytest.mark.parametrize("damping", [0.05, 0.3, 1.0, 1.7])
 def test_an_overshoot_against_a_fine_loop(damping: float) -> None:
     slow = naive.ringing(fine(jerky()), 0.15, 1.2, damping)

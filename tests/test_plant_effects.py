@@ -88,6 +88,18 @@ def test_a_drive_effect_against_a_loop_of_milliseconds(name: str) -> None:
     np.testing.assert_allclose(found, slow, atol=0.12)
 
 
+@pytest.mark.parametrize("height", [10.0, 40.0])
+def test_an_orifice_ends_after_a_time_that_goes_as_the_root_of_the_step(height: float) -> None:
+    takes = 3.0 * 0.5 * np.sqrt(height / 30.0)
+    p = {"time_constant_s": 0.5, "venting_excess": 0.5, "orifice_share": 1.0}
+    up = np.repeat([0.0, height], [1, 400])
+    filled = pressure(up, vector("line_lag", **p)) >= height - 1e-9
+    assert FINEST_STEP_S * (np.argmax(filled) - 1) == pytest.approx(takes, abs=0.03)
+    down = np.concatenate([np.full(400, height), np.zeros(400)])
+    vented = pressure(down, vector("line_lag", **p))[400:] <= 1e-9
+    assert FINEST_STEP_S * np.argmax(vented) == pytest.approx(1.5 * takes, abs=0.03)
+
+
 def test_a_pump_with_play_waits_for_a_time_as_well() -> None:
     """Where the command turns, and not where it goes on; a part of a cell it waits in part."""
     changes = {"play_kpa": 2.0, "wait_s": 0.15}

@@ -49,16 +49,13 @@ def test_the_regulators_lag_is_found(soft_arm: dict[str, Any]) -> None:
     """Known of the rig: the pressure reaches 63 % of a step in 0.35 to 0.8 s, longest to 25 psi.
 
     A lag is as much a line's as that of a regulator which slows as it comes near its setpoint;
-    through an orifice the root of what lacks falls evenly, as long as it takes for 10 kPa. What
-    of it is the sensor's no pressure tells.
+    through an orifice it is in between. What of it is the sensor's no pressure tells.
     """
     (finding,) = [text for text in soft_arm["findings"] if text.startswith("The measured pressure")]
     late = re.findall(
         r"(?:time_constant_s|delay_s|lag by|lag of its sensor by) ([\d.e-]+\d)", finding
     )
-    filling = re.findall(r"filling_s ([\d.e-]+\d)", finding)
-    through = (1.0 - 0.37**0.5) * (162.0 / 10.0) ** 0.5 * sum(map(float, filling))
-    assert 0.3 < sum(map(float, late)) + through < 0.9
+    assert 0.3 < sum(map(float, late)) < 0.9
     # The lag is no trifle, of a tenth of the gap at least (assumed); the growing gain is more.
     assert 0.1 < soft_arm["where"]["stage"]["drive"] < soft_arm["where"]["stage"]["actuator"]
 

@@ -15,6 +15,7 @@ from blind.second_rig.bank import Core
 from blind.second_rig.channel import end
 from blind.second_rig.drive import Line, transmit
 from blind.second_rig.effect import Effect
+from blind.second_rig.effects import LIBRARY, ORIFICES
 from blind.second_rig.further import DRAWS
 from blind.second_rig.sensor import When
 from blind.second_rig.timeline import Reading, play
@@ -49,7 +50,7 @@ def bent(effects: tuple[Effect, ...], pressure: np.ndarray) -> np.ndarray:
 
 
 def test_the_list_is_of_ids_that_a_library_may_hold() -> None:
-    assert len(FURTHER) == len(set(FURTHER)) == 11
+    assert len(FURTHER) == len(set(FURTHER)) == 10
     assert set(FURTHER) <= set(IDS)
     assert not set(FURTHER) & set(EFFECTS)
     contract = SHARED / "contract" / "effects.yaml"
@@ -124,7 +125,9 @@ def test_a_name_that_is_foreign_too_is_found_by_the_kind_of_case(tmp_path: Path)
 
 
 def test_venting_through_an_orifice_is_unlike_filling_and_slow_near_its_end() -> None:
-    for effect in forms(DRAWS["orifice_flow"]):
+    for effect in forms(LIBRARY["line_lag"]):
+        if effect.form not in ORIFICES:
+            continue
         top = ruler().scene.top_kpa
         pressure = piped(effect.sized(0.5), held(top, 6.0, 6.0))
         assert np.all((pressure >= 0.0) & (pressure <= top))

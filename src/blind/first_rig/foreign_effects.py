@@ -222,7 +222,7 @@ FOREIGN_EFFECTS: Mapping[str, ForeignEffect] = {
     ),
     "slow_exhaust": ForeignEffect(
         lambda _: (SlowExhaust, 0.3, 5.0),
-        ("orifice_flow", "line_lag", "slew_limit"),
+        ("line_lag", "slew_limit"),
         "the line follows late, if in one direction only",
     ),
     "pump_ripple": ForeignEffect(

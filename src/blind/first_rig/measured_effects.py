@@ -15,27 +15,6 @@ from spa_fo.virtual_rig.arrays import Array, Process
 from spa_fo.virtual_rig.bench import Specimen
 from spa_fo.virtual_rig.syringe_pump import LowPass
 
-_ATMOSPHERE_KPA = 101.3
-_SONIC = 0.5  # ratio of the pressures below which the flow is choked
-
-
-@dataclass(frozen=True)
-class SonicOrifice:
-    """Isothermal filling and venting through a sonic conductance, by its ellipse.
-
-    `time_s` is that of a reservoir's filling by one atmosphere of choked flow; venting takes
-    `venting` times as long.
-    """
-
-    time_s: float
-    venting: float
-
-    def begin(self, step_s: float) -> Process:
-        """Start empty."""
-        state = np.zeros(1)
-        times = np.array([self.time_s, self.time_s * self.venting])
-        return lambda signal: _filled(signal, step_s, times, state)
-
 
 @dataclass(frozen=True)
 class LaggingRegulator:
@@ -129,11 +108,6 @@ _Drawn = tuple[Callable[[float], object], float, float]
 _Draw = Callable[[np.random.Generator], _Drawn]
 
 
-def _orifice(rng: np.random.Generator) -> _Drawn:
-    venting = rng.uniform(0.7, 2.0)
-    return lambda x: SonicOrifice(x, venting), 0.5, 20.0
-
-
 def _overshoot(rng: np.random.Generator) -> _Drawn:
     slow_s = rng.uniform(0.6, 2.5)
     return lambda x: LaggingRegulator(x, slow_s), 0.1, 1.5
@@ -160,7 +134,6 @@ def _sway(rng: np.random.Generator) -> _Drawn:
 
 
 MEASURED_EFFECTS: Mapping[str, _Draw] = {
-    "orifice_flow": _orifice,
     "drive_overshoot": _overshoot,
     "gain_growth": _ballooning,
     "opening_fold": _wall,
@@ -172,7 +145,7 @@ MEASURED_EFFECTS: Mapping[str, _Draw] = {
 
 def place(specimen: Specimen, effect: object) -> Specimen:
     """Give a specimen such an effect, where it belongs."""
-    if isinstance(effect, SonicOrifice | LaggingRegulator):
+    if isinstance(effect, LaggingRegulator):
         pump = specimen.pump
         return replace(specimen, pump=replace(pump, further=(*pump.further, effect)))
     if isinstance(effect, Ballooning | FlatWall | RestSet | Sway):
@@ -180,24 +153,6 @@ def place(specimen: Specimen, effect: object) -> Specimen:
         inside = (*actuator.inside, effect)
         return replace(specimen, actuator=replace(actuator, inside=inside))
     raise TypeError(f"{type(effect).__name__} is none of these effects")
-
-
-@njit
-def _filled(signal: Array, step_s: float, times_s: Array, state: Array) -> Array:
-    out = np.empty_like(signal)
-    p = state[0]
-    for i in range(signal.size):
-        rises = signal[i] >= p
-        up = max(signal[i], p) + _ATMOSPHERE_KPA
-        down = max(min(signal[i], p), -0.9 * _ATMOSPHERE_KPA) + _ATMOSPHERE_KPA
-        beyond = max(down / up - _SONIC, 0.0) / (1.0 - _SONIC)
-        flow = step_s * up * np.sqrt(max(1.0 - beyond**2, 0.0))
-        lack = abs(signal[i] - p)
-        move = min(flow / (times_s[0] if rises else times_s[1]), lack)
-        p += move if rises else -move
-        out[i] = p
-    state[0] = p
-    return out
 
 
 @njit

@@ -70,6 +70,8 @@ def _dead_time(e: Effect, command: Floats, step_s: float, state: Floats, at_s: f
 
 
 def _line_lag(e: Effect, command: Floats, step_s: float, state: Floats, at_s: float) -> Floats:
+    if "fill_share" in e.shape:
+        return orifice_flow(e, command, step_s, state, at_s)
     second = e.shape.get("second", 0.0) * e.amplitude
     pressure: Floats = _tube(command, step_s, e.amplitude, second, state)
     return pressure
@@ -265,7 +267,6 @@ _TRANSMIT: dict[str, tuple[Transmit, int]] = {
     "regulator_overshoot": (_overshoot, 3),
     "drive_overshoot": (_drive_overshoot, 3),
     "slow_vent": (_slow_vent, 1),
-    "orifice_flow": (orifice_flow, 1),
     "valve_limit_cycle": (_limit_cycle, 1),
     "drive_hunting": (hunting, 4),
     "line_lag": (_line_lag, 2),

@@ -7,6 +7,8 @@ import numpy as np
 from blind.second_rig.actuator import COEFFICIENTS
 from blind.second_rig.effect import Draw, Effect, Scene, log_uniform, pick, sign
 
+ORIFICES = ("iso_6358", "nozzle", "valve")
+"""Forms of a line that is an orifice."""
 _MOST_TRIALS = 200  # of a campaign and its later one, for effects that change between trials
 
 Rng = np.random.Generator
@@ -17,9 +19,21 @@ def _dead_time(rng: Rng, scene: Scene) -> Effect:
 
 
 def _line_lag(rng: Rng, scene: Scene) -> Effect:
-    form = pick(rng, "one_node", "two_node")
+    form = pick(rng, "one_node", "two_node", pick(rng, *ORIFICES))
+    if form in ORIFICES:
+        return _orifice(rng, scene, form)
     shape = {"second": rng.uniform(0.15, 0.6)} if form == "two_node" else {}
     return Effect("line_lag", form, "time constant of the first node, s", 3.0, shape)
+
+
+def _orifice(rng: Rng, scene: Scene, form: str) -> Effect:
+    shape = {"fill_share": rng.uniform(0.3, 1.0), "laminar": rng.uniform(0.97, 0.995)}
+    if form != "nozzle":
+        shape["critical"] = rng.uniform(0.2, 0.45)
+    if form == "valve":
+        shape["supply_kpa"] = rng.uniform(1.4, 4.0) * scene.top_kpa
+        shape["band_kpa"] = rng.uniform(0.02, 0.06) * scene.top_kpa
+    return Effect("line_lag", form, "time constant of choked venting, s", 8.0, shape)
 
 
 def _supply_droop(rng: Rng, scene: Scene) -> Effect:

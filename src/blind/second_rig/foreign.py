@@ -13,7 +13,7 @@ Rng = np.random.Generator
 # Which ids would be a fair answer as well, by physics: what nobody could tell from it.
 EQUIVALENTS: Mapping[str, tuple[str, ...]] = {
     "regulator_overshoot": ("drive_overshoot",),
-    "slow_vent": ("orifice_flow", "line_lag"),  # filling alone is a low-pass
+    "slow_vent": ("line_lag",),  # filling alone is a low-pass
     "valve_limit_cycle": ("drive_hunting",),
     "supply_wander": (),
     # a static curve before the body, or behind it

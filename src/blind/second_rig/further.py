@@ -59,17 +59,6 @@ def _body_mode(rng: Rng, scene: Scene) -> Effect:
     return Effect("body_mode", form, "swing over the settled angle", 0.5, shape)
 
 
-def _orifice_flow(rng: Rng, scene: Scene) -> Effect:
-    form = pick(rng, "iso_6358", "nozzle", "valve")
-    shape = {"fill_share": rng.uniform(0.3, 1.0), "laminar": rng.uniform(0.97, 0.995)}
-    if form != "nozzle":
-        shape["critical"] = rng.uniform(0.2, 0.45)
-    if form == "valve":
-        shape["supply_kpa"] = rng.uniform(1.4, 4.0) * scene.top_kpa
-        shape["band_kpa"] = rng.uniform(0.02, 0.06) * scene.top_kpa
-    return Effect("orifice_flow", form, "time constant of choked venting, s", 8.0, shape)
-
-
 def _drive_overshoot(rng: Rng, scene: Scene) -> Effect:
     form = pick(rng, "second_order", "kick", "windup")
     if form == "second_order":
@@ -184,7 +173,6 @@ DRAWS: dict[str, Draw] = {
     "gain_growth": _gain_growth,
     "pressure_set": _pressure_set,
     "body_mode": _body_mode,
-    "orifice_flow": _orifice_flow,
     "drive_overshoot": _drive_overshoot,
     "drive_hunting": _drive_hunting,
     "opening_fold": _opening_fold,

@@ -16,6 +16,7 @@ from spa_fo.plant.static_curve import ID as STATIC_CURVE
 
 # Behind the angle: how it was read and logged, not how the actuator moves.
 _MEASURING = ("sensor", "acquisition")
+_ROOTED = 0.1  # of a line's lag that may be an orifice's while it counts as linear. Assumed.
 _AS_LONG = 0.1  # of a rise, by which a fall may differ and count as one. Assumed.
 
 
@@ -94,11 +95,13 @@ def linear_part(
             dead_time = float(values[0])
             included.append(name)
         elif name == "line_lag":
-            *lag, excess = values.tolist()
+            *lag, excess, rooted = values.tolist()
             lags, leads = _of_lag(*lag)
             included.append(name)
             if abs(excess) > _AS_LONG:
                 left_out.append(f"{name} (a fall takes {1.0 + excess:.2g} times as long)")
+            if rooted > _ROOTED:
+                left_out.append(f"{name} ({rooted:.0%} of it is an orifice's)")
         elif name == "parameter_shift":
             included.append(name)
         else:

@@ -167,14 +167,24 @@ class PressureProblem(Explained):
         self.variance = np.append(np.full(self.own.shape[1], self.scales[0] ** 2), sensors)
 
     def first_of(self, points: Sequence[Floats], factor: Factor, most: int) -> list[Floats]:
-        """Choose the best starts, first those that differ by more than a delay from better ones."""
-        if len(points) <= most:
-            return list(points)
+        """Choose the best starts: first of each form, then those that differ by more than a delay.
+
+        Such as a better one has all but the delay of come last.
+        """
         ranked = sorted(points, key=lambda z: self.misfit(z, factor))
         delays = [place for place, slot in enumerate(self.slots) if slot.parameter.is_delay]
+        forms = [tuple(z[self.forms]) for z in ranked]
         kinds = [tuple(np.delete(z, delays)) for z in ranked]
-        order = sorted(range(len(ranked)), key=lambda place: kinds.index(kinds[place]) != place)
-        return [ranked[place] for place in order[:most]]
+
+        def comes(place: int) -> tuple[bool, bool]:
+            return forms.index(forms[place]) != place, kinds.index(kinds[place]) != place
+
+        return [ranked[place] for place in sorted(range(len(ranked)), key=comes)[:most]]
+
+    @property
+    def forms(self) -> list[int]:
+        """Places of what says which of two forms an effect has."""
+        return [place for place, slot in enumerate(self.slots) if slot.parameter.two_forms]
 
     def cells(self, z: Floats) -> Floats:
         """Give the true pressure on the grid's cells, kPa."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,7 @@ class DriveFit:
 
     ids: Ids
     z: Floats  # parameters as searched, and the sensor's lag
+    ends: tuple[Floats, ...]  # the same of each form that was searched, the best first
     effects: Floats  # parameters of all effects, NaN where absent
     cells_kpa: Floats  # (cells,), true pressure on the grid's cells
     believed_kpa: Floats  # (cells,), the same as far as the sensor agrees with it
@@ -130,16 +132,19 @@ def examine_drive(
 
     def together(ids: Ids) -> list[Floats]:
         singles = [fits[(name,)] for name in ids]
-        own = [fit.z[:-1] for fit in singles]
         # What is late may be the sensor for the one, and the drive for the other.
         lags = sorted({round(float(f.z[-1]), 3) for f in singles})
-        return [np.array([*np.concatenate(own), lag]) for lag in lags]
+        ways = product(*([z[:-1] for z in fit.ends] for fit in singles))
+        return [np.array([*np.concatenate(way), lag]) for way in ways for lag in lags]
 
     def roughly(ids: Ids) -> tuple[float, list[Floats]]:
         own, factor = problem(ids), whitening.factor(1.0, SETTINGS.search_share)
-        first, *others = sorted(together(ids), key=lambda z: own.misfit(z, factor))
-        found = own.search(first, factor, own.variance, _ROUGH, _ROUGH_TRIED)
-        return found.at.value, [found.z, *others]
+        points = own.first_of(together(ids), factor, _BEST_STARTS)
+        first, *others = sorted(
+            (own.search(z, factor, own.variance, _ROUGH, _ROUGH_TRIED) for z in points),
+            key=lambda found: found.at.value,
+        )
+        return first.at.value, [first.z, *(other.z for other in others)]
 
     rooms = _rooms(evidence, step)
     fits: dict[Ids, DriveFit] = {(): alone(())}
@@ -292,7 +297,8 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
         problem.search(z, factor, problem.variance, _ENOUGH, _MOST_TRIED)
         for z in problem.first_of(points, factor, _BEST_STARTS)
     ]
-    z = min(searched, key=lambda each: each.at.value).z
+    ends = [found.z for found in sorted(searched, key=lambda found: found.at.value)]
+    z = ends[0]
     linear = problem.linear(z)
     weighed = [
         problem.weigh(linear, problem.whitening.factor(1.0, share), problem.scales**2)
@@ -309,6 +315,7 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
     return DriveFit(
         ids=problem.ids,
         z=z,
+        ends=tuple(ends[: 1 + len(problem.forms)]),
         effects=problem.effects(z),
         cells_kpa=cells,
         believed_kpa=cells + surely,

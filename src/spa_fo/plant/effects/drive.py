@@ -14,6 +14,7 @@ from spa_fo.plant.effects.dead_time import delay_cells
 from spa_fo.plant.effects.drive_backlash import follow_with_play
 from spa_fo.plant.effects.leak import lose
 from spa_fo.plant.effects.library import LIBRARY
+from spa_fo.plant.effects.line_lag import through_orifice
 from spa_fo.plant.effects.shared import low_pass, poles
 from spa_fo.plant.effects.slew_limit import slew
 from spa_fo.plant.effects.supply_droop import droop
@@ -57,11 +58,16 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     if not math.isnan(e[LEAK]):
         lose(p, starts, e[LEAK], e[LEAK + 1], e[LEAK + 2], e[LEAK + 3])
     if not math.isnan(e[LINE_LAG]):
-        share, excess = e[LINE_LAG + 2], e[LINE_LAG + 3]
+        share, excess, rooted = e[LINE_LAG + 2], e[LINE_LAG + 3], e[LINE_LAG + 4]
         slow, fast, latest = poles(e[LINE_LAG], e[LINE_LAG + 1], share)
         tail = p.copy()
+        if rooted > 0.0:
+            orifice = p.copy()
+            through_orifice(orifice, starts, e[LINE_LAG], excess)
         low_pass(tail, starts, latest, excess)
         low_pass(p, starts, slow, excess)
         low_pass(p, starts, fast, excess)
         p += share * (tail - p)
+        if rooted > 0.0:
+            p += rooted * (orifice - p)
     return p

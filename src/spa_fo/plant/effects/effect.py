@@ -89,6 +89,9 @@ class Parameter:
         Whether it came to its effect later: model files that lack it mean 0.
     is_delay : bool
         Whether it is a pure delay: a search sees no further than how fast what it delays changes.
+    two_forms : bool
+        Whether its two starts are two forms of the effect, and no search leads from one to the
+        other.
     """
 
     name: str
@@ -105,6 +108,7 @@ class Parameter:
     is_delay: bool = False
     searched_to: float | None = None
     is_addition: bool = False
+    two_forms: bool = False
 
     @property
     def is_moment(self) -> bool:

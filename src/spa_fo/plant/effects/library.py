@@ -31,7 +31,6 @@ from spa_fo.plant.effects import (
     mains_pickup,
     mullins_softening,
     opening_fold,
-    orifice_flow,
     parameter_shift,
     pressure_damping,
     pressure_set,
@@ -80,7 +79,6 @@ _CONTRACT: tuple[Effect, ...] = (
     mains_pickup.EFFECT,
 )
 _FURTHER: tuple[Effect, ...] = (
-    orifice_flow.EFFECT,
     drive_overshoot.EFFECT,
     drive_hunting.EFFECT,
     supply_limit.EFFECT,
