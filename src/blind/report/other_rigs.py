@@ -238,7 +238,8 @@ def page(marks: Sequence[Mark], answers: Sequence[Given], told: str) -> str:
     """
     parts = ["# Rigs of other hands", _INTRODUCTION]
     if answers:
-        names = " and the ".join(dict.fromkeys(rig_name(one.rig) for one in answers))
+        *others, last = dict.fromkeys(rig_name(one.rig) for one in answers)
+        names = " and the ".join([*filter(None, [", the ".join(others)]), last])
         kinds = Counter(one.kind for one in answers)
         said = _WORTH.format(
             cases=len(answers),
