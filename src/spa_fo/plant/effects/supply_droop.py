@@ -28,7 +28,7 @@ EFFECT = Effect(
             "time in which most of it comes back",
             centre=2.0,
             factor=2.5,
-            low=0.1,
+            low=0.4,  # what comes back sooner is a line's lag
             high=60.0,
         ),
         share("slow_share", "part of it that comes back more slowly"),
