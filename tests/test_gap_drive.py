@@ -211,9 +211,8 @@ def test_what_repeats_differ_by_is_no_effect_of_the_drive():
         assert one.best.evidence[0] > one.best.evidence.max() - 50.0
 
 
-@pytest.mark.parametrize(("orifice_share", "alone"), [(0.0, "supply_droop"), (1.0, "line_lag")])
-def test_two_effects_are_found_whatever_is_best_alone(orifice_share, alone):
-    """A sag alone may come nearest to a line behind a pump that is late: it is no part of both."""
+@pytest.mark.parametrize("orifice_share", [0.0, 1.0])
+def test_a_line_of_either_form_is_found_behind_a_pump_that_is_late(orifice_share):
     levels_kpa = SIXTY, SIXTY, 0.8 * SIXTY, 0.8 * SIXTY
     logged = trials(*(np.repeat([0.0, level], [25, 130]) for level in levels_kpa))
     before, e, rng = collect(campaign_data(logged)), absent(), np.random.default_rng(8)
@@ -225,9 +224,11 @@ def test_two_effects_are_found_whatever_is_best_alone(orifice_share, alone):
         noisy = kpa + NOISE_KPA * rng.normal(size=kpa.size)
         own.append(replace(trial, pressure_kpa=noisy))
     found = examine_drive(collect(campaign_data(own)), (), X)
-    assert best(found, 1).ids == (alone,)
-    assert found.best.ids == ("dead_time", "line_lag")
-    assert found.best.z[-2] == pytest.approx(orifice_share, abs=0.2)
+    both = found.fits[("dead_time", "line_lag")]
+    # A pump that waits where it turns does the same, from rest.
+    assert both.evidence.max() > found.best.evidence.max() - 3.0
+    assert both.evidence.max() > best(found, 1).evidence.max() + 50.0
+    assert both.z[-2] == pytest.approx(orifice_share, abs=0.2)
 
 
 def test_no_explanation_of_the_pressure_holds_two_effects_that_are_rare():

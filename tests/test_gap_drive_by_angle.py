@@ -65,7 +65,8 @@ def test_the_angle_says_whether_the_drive_was_late(drive_lags):
     lead = [
         f.fits[("line_lag",)].evidence.max() - f.fits[()].evidence.max() for f in (alone, known)
     ]
-    assert abs(lead[0]) < 12.0  # the pressure hardly says
+    # The pressure hardly says: 2.4 nats once tempered, most of them for what a line has beside.
+    assert abs(lead[0]) < 16.0
     if drive_lags:
         assert lead[1] > lead[0] + 10.0
         assert known.best.ids == ("line_lag",)

@@ -48,7 +48,7 @@ class DriveFit:
 
     ids: Ids
     z: Floats  # parameters as searched, and the sensor's lag
-    ends: tuple[Floats, ...]  # the same of each form that was searched, the best first
+    ends: tuple[Floats, ...]  # the best of each form that a search ended at
     effects: Floats  # parameters of all effects, NaN where absent
     cells_kpa: Floats  # (cells,), true pressure on the grid's cells
     believed_kpa: Floats  # (cells,), the same as far as the sensor agrees with it
@@ -295,7 +295,7 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
     factor = problem.whitening.factor(1.0, SETTINGS.search_share)
     searched = [
         problem.search(z, factor, problem.variance, _ENOUGH, _MOST_TRIED)
-        for z in problem.first_of(points, factor, _BEST_STARTS)
+        for z in problem.first_of(points, factor, _BEST_STARTS * (1 + len(problem.forms)))
     ]
     ends = [found.z for found in sorted(searched, key=lambda found: found.at.value)]
     z = ends[0]
@@ -315,7 +315,7 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
     return DriveFit(
         ids=problem.ids,
         z=z,
-        ends=tuple(ends[: 1 + len(problem.forms)]),
+        ends=tuple({tuple(np.round(end[problem.forms])): end for end in reversed(ends)}.values()),
         effects=problem.effects(z),
         cells_kpa=cells,
         believed_kpa=cells + surely,
