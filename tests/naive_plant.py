@@ -171,10 +171,10 @@ class Spring:
     def __init__(self, law):
         self.law = law
 
-    def moment(self, before, after):
+    def moment(self, before, after, _):
         return self.law(0.5 * (before + after))
 
-    def accept(self, before, after):
+    def accept(self, before, after, _):
         return 0.0
 
 
@@ -189,50 +189,54 @@ class Friction:
     def _moved(self, distance):
         return np.clip(self.state + distance / self.radius, -1.0, 1.0)
 
-    def moment(self, before, after):
+    def moment(self, before, after, _):
         inside = (1.0 - self.outside) * self.size
         return inside * (float(np.mean(self._moved(0.5 * (after - before)))) - self.begins)
 
-    def accept(self, before, after):
+    def accept(self, before, after, _):
         self.state = self._moved(after - before)
         return self.outside * self.size * (float(np.mean(self.state)) - self.begins)
 
 
 class Bundle:
-    """Levels of chains that stiffen until they are passed or have been passed for long."""
+    """Levels of strain that stiffen until they have been passed downwards, or passed for long."""
 
-    def __init__(self, fraction, loadings, dwell, share, rejoins, span, step):
+    def __init__(self, fraction, loadings, dwell, share, rejoins, span, by_load, blend, step):
         self.fraction, self.loadings, self.dwell = fraction, loadings, dwell
-        self.share, self.rejoins = share, rejoins
-        self.first = span * np.arange(12) / 12.0
-        self.width = span / 12.0
+        self.share, self.rejoins, self.by_load, self.blend = share, rejoins, by_load, blend
+        self.first = span * np.arange(24) / 24.0
+        self.width = span / 24.0
         self.step = step
-        self.virgin = np.ones(12)
+        self.virgin = np.ones(24)
+        self.strain = 0.0
 
-    def _passed(self, angle):
-        return np.clip(angle - self.first, 0.0, self.width)
+    def _strain(self, angle, held):
+        return (1.0 - self.by_load) * angle + self.by_load * held
 
-    def _softened(self, before, after):
-        newly = np.maximum(self._passed(after) - self._passed(before), 0.0) / self.width
-        return self.virgin * np.exp(-newly / self.loadings)
+    def _passed(self, strain):
+        return np.clip((strain - self.first) / self.blend + 0.5, 0.0, 1.0)
 
-    def moment(self, before, after):
-        middle = 0.5 * (before + after)
-        virgin = self._softened(before, middle)
-        chains = float(virgin @ self._passed(middle))
-        ahead = np.interp(middle, self.first, virgin) * max(middle, 0.0)
+    def moment(self, before, after, held):
+        middle = self._strain(0.5 * (before + after), held)
+        chains = float(self.virgin @ np.clip(middle - self.first, 0.0, self.width))
+        ahead = np.interp(middle, self.first, self.virgin) * max(middle, 0.0)
         own = (1.0 - self.rejoins) * chains + self.rejoins * ahead
         whole = float(np.mean(self.virgin)) * middle
         return self.fraction * (self.share * own + (1.0 - self.share) * whole)
 
-    def accept(self, before, after):
-        beyond = self._passed(after) / self.width
-        self.virgin = self._softened(before, after) * np.exp(-beyond * self.step / self.dwell)
+    def accept(self, before, after, held):
+        was, self.strain = self._passed(self.strain), self._strain(after, held)
+        beyond = self._passed(self.strain)
+        self.virgin = self.virgin * np.exp(
+            -np.maximum(was - beyond, 0.0) / self.loadings - beyond * self.step / self.dwell
+        )
         return 0.0
 
 
 def loop(load, step, x, law, missed=None):
     """Angle (rad) at the end of equal steps, G in a loop with a further moment.
+
+    A law is told the angle before and after a step, and the one at which the load would be held.
 
     What is missed of the angle is felt by the moment and added to the angle. The fractional memory
     is a sum over all earlier steps; the moment is iterated to its fixed point. What a law accepts
@@ -247,11 +251,11 @@ def loop(load, step, x, law, missed=None):
         angle = out[-1]
         for _ in range(100):
             felt = out[-1] + missed[i], angle + missed[i + 1]
-            v[i] = load[i] - law.moment(*felt) / static
+            v[i] = load[i] - law.moment(*felt, static * load[i]) / static
             before, angle = angle, free + pulse[0] * v[i]
             if abs(angle - before) < 1e-12:
                 break
-        lost[i] = law.accept(out[-1] + missed[i], angle + missed[i + 1])
+        lost[i] = law.accept(out[-1] + missed[i], angle + missed[i + 1], static * load[i])
         out.append(angle)
     return np.array(out[1:]) + missed[1:] - lost
 

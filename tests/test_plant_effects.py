@@ -322,6 +322,8 @@ LAWS = {
         p["level_share"],
         p["rejoins"],
         math.radians(p["span_deg"]),
+        p["by_load"],
+        math.radians(p["blend_deg"]),
         STEP_S,
     ),
 }
@@ -335,6 +337,15 @@ def test_a_moment_in_the_loop_against_a_convolution(name: str) -> None:
     own = trials(command)
     found, plain = angles(own, vector(name))[0], angles(own, absent())[0]
     assert np.abs(found - plain).max() > 2.0
+    np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
+
+
+def test_softening_that_goes_with_the_load_against_a_convolution() -> None:
+    command = np.concatenate([step_release(), step_release()])
+    mixed = {"by_load": 0.7, "rejoins": 0.6, "level_share": 0.8, "blend_deg": 15.0}
+    law = LAWS["mullins_softening"](parameters("mullins_softening", **mixed))
+    slow = np.degrees(naive.loop(np.repeat(command, 2) / KPA, STEP_S, X, law))
+    found = angles(trials(command), vector("mullins_softening", **mixed))[0]
     np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
 
 
@@ -397,8 +408,8 @@ def test_friction_stops_one_after_another(moves: list[float], tail: float, begin
     stops, radii = np.zeros(STOPS), stop_radii(0.4, tail)
     for move in moves:
         found, _ = friction(move, stops, radii, begins)
-        assert found == pytest.approx(twin.moment(0.0, 2.0 * move), abs=1e-12)
-        twin.accept(0.0, move)
+        assert found == pytest.approx(twin.moment(0.0, 2.0 * move, 0.0), abs=1e-12)
+        twin.accept(0.0, move, 0.0)
         rub(move, stops, radii, begins)
         np.testing.assert_allclose(stops + begins, twin.state, atol=1e-12)
 

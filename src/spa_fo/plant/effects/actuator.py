@@ -103,7 +103,10 @@ def move(
     drifting = not math.isnan(e[THERMAL_DRIFT])
     looped = stiff or heavy or stopped or mullins or rubbing
 
-    width = math.radians(e[MULLINS_SOFTENING + 5]) / MULLINS_LEVELS if mullins else 0.0
+    width, by_load, strain = 1.0, 0.0, stops[STOPS]
+    if mullins:
+        width = math.radians(e[MULLINS_SOFTENING + 5]) / MULLINS_LEVELS
+        by_load = e[MULLINS_SOFTENING + 6]
     below = np.append(0.0, np.cumsum(virgin))
     radii, inside, outside, begins = np.ones(STOPS), 0.0, 0.0, 0.0
     if rubbing:
@@ -154,17 +157,15 @@ def move(
                     slope += tangent
                 if mullins:
                     part, tangent = virgin_moment(
-                        angle + known,
-                        middle,
+                        (1.0 - by_load) * middle + by_load * static * u,
                         virgin,
                         below,
                         width,
-                        e[MULLINS_SOFTENING + 1],
                         e[MULLINS_SOFTENING + 3],
                         e[MULLINS_SOFTENING + 4],
                     )
                     moment += e[MULLINS_SOFTENING] * part
-                    slope += e[MULLINS_SOFTENING] * tangent
+                    slope += e[MULLINS_SOFTENING] * (1.0 - by_load) * tangent
                 if rubbing:
                     part, tangent = friction(middle - angle - known, stops, radii, begins)
                     moment += inside * part
@@ -185,16 +186,19 @@ def move(
         if rubbing:
             rub(new - angle + usual[i] - known, stops, radii, begins)
         if mullins:
+            strained = (1.0 - by_load) * (new + usual[i]) + by_load * static * u
             soften(
-                angle + known,
-                new + usual[i],
+                strain,
+                strained,
                 STEPS_S[level[i]],
                 virgin,
                 below,
                 width,
                 e[MULLINS_SOFTENING + 1],
                 e[MULLINS_SOFTENING + 2],
+                math.radians(e[MULLINS_SOFTENING + 7]),
             )
+            strain = strained
         angle, known = new, usual[i]
         out[i] = angle + known
         if creeping:

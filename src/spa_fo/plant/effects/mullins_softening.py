@@ -1,8 +1,9 @@
 """Stress softening: the first loadings to a given maximum are stiffer.
 
-Beyond the largest angle so far a softened actuator is as stiff as it ever was there: each level of
-angle pulls by itself, or all of it is back on the path of virgin material. Both are in the
-literature, and which it is a fit says.
+Beyond the largest strain so far a softened actuator is as stiff as it ever was there: each level
+pulls by itself, or all of it is back on the path of virgin material. The strain is the angle, whose
+restoring moment softens, or the load, of which less arrives: then it is the gain that grows, and
+the pace stays. Which it is a fit says.
 """
 
 from __future__ import annotations
@@ -11,20 +12,20 @@ import math
 
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats
-from spa_fo.plant.effects.effect import Check, Effect, amplitude, shape
+from spa_fo.plant.effects.effect import Check, Effect, amplitude, shape, share
 
 EFFECT = Effect(
     id="mullins_softening",
     stage="actuator",
     parameters=(
         amplitude(
-            "fraction", "1", "extra stiffness of virgin material", spread=0.12, high=1.0, start=0.06
+            "fraction", "1", "extra stiffness of virgin material", spread=0.2, high=1.0, start=0.1
         ),
         shape(
             "loadings",
             "1",
             "loadings in which it goes",
-            centre=2.0,
+            centre=1.5,
             factor=2.2,
             low=0.2,
             high=30.0,
@@ -33,10 +34,11 @@ EFFECT = Effect(
             "dwell_s",
             "s",
             "time under load that does the same",
-            centre=25.0,
-            factor=2.5,
+            centre=50.0,
+            factor=3.5,
             low=1.0,
             high=500.0,
+            starts=(12.0, 120.0),
         ),
         amplitude(
             "level_share",
@@ -44,7 +46,8 @@ EFFECT = Effect(
             "part of it that is lost level by level",
             spread=0.6,
             high=1.0,
-            start=0.5,
+            start=0.9,
+            further=(0.3,),
         ),
         amplitude(
             "rejoins",
@@ -52,7 +55,8 @@ EFFECT = Effect(
             "share of that which is back wherever an angle is new, as if nothing were softened",
             spread=0.6,
             high=1.0,
-            start=0.3,
+            start=0.2,
+            further=(0.9,),
         ),
         shape(
             "span_deg",
@@ -62,6 +66,23 @@ EFFECT = Effect(
             factor=1.2,
             low=2.0,
             high=600.0,
+        ),
+        share(
+            "by_load",
+            "share by which it goes with the load, as a gain does, and not with the angle",
+            centre=0.0,
+            spread=0.6,
+            starts=(0.0, 1.0),
+            is_addition=True,
+        ),
+        shape(
+            "blend_deg",
+            "deg",
+            "angles over which a loading's largest one divides virgin material from softened",
+            centre=9.0,
+            factor=2.0,
+            low=1.0,
+            high=200.0,
         ),
     ),
     name="Mullins softening",
@@ -73,62 +94,45 @@ EFFECT = Effect(
     ),
 )
 
-MULLINS_LEVELS = 12
+MULLINS_LEVELS = 24
 
 
-@njit
-def _newly(level: int, before: float, after: float) -> float:
-    """Share of a level that is passed upwards from one angle to another, in levels."""
-    return max(min(max(after - level, 0.0), 1.0) - min(max(before - level, 0.0), 1.0), 0.0)
-
-
-@njit
-def _kept(passed: float, loadings: float) -> float:
-    """Share of a level that is left once so much of it is passed: mostly nothing is, and 1."""
-    return math.exp(-passed / loadings) if passed > 0.0 else 1.0
+_REACH = 0.5  # of what a loading reaches over lies beyond its largest strain. Assumed.
 
 
 @njit
 def virgin_moment(
-    before: float,
-    angle: float,
+    strain: float,
     virgin: Floats,
     below: Floats,
     width: float,
-    loadings: float,
     share: float,
     rejoins: float,
 ) -> tuple[float, float]:
-    """Moment of what has not been softened yet, and its slope.
+    """Moment of what has not been softened yet at a strain (rad), and its slope.
 
-    The levels that the angle has passed pull (`share` of it), and the whole bundle stiffens the
-    actuator as a whole (the rest). Either each level pulls by itself, or (`rejoins`) all is as
-    stiff as the level that the angle is at: beyond the largest angle so far the actuator is back
-    on the path of virgin material (Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431). All
-    softens on the way from `before`, where the levels are known. They are `width`
-    (rad) apart, `below` are the sums of those below each and of all.
+    The levels that are passed pull (`share` of it), and the whole bundle stiffens the actuator as a
+    whole (the rest). Either each level pulls by itself, or (`rejoins`) all is as stiff as the level
+    of the strain: beyond the largest so far the actuator is back on the path of virgin material
+    (Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431). The levels are `width` (rad) apart,
+    `below` are the sums of those below each and of all.
     """
-    last, start, at = virgin.size - 1, before / width, angle / width
+    last, at = virgin.size - 1, strain / width
     level = min(int(max(at, 0.0)), last)
-    part = min(max(angle - level * width, 0.0), width)
+    part = min(max(strain - level * width, 0.0), width)
     local = width * below[level] + virgin[level] * part
     tangent = virgin[level] if 0.0 < part < width else 0.0
-    for j in range(min(int(max(start, 0.0)), last), level + 1):
-        softened = _kept(_newly(j, start, at), loadings) - 1.0
-        local += virgin[j] * (part if j == level else width) * softened
     whole = below[virgin.size] / virgin.size
     back, steeper = 0.0, 0.0
-    if rejoins > 0.0 and angle > 0.0:
+    if rejoins > 0.0 and strain > 0.0:
         lower = min(level, last - 1)
-        under = virgin[lower] * _kept(_newly(lower, start, at), loadings)
-        over = virgin[lower + 1] * _kept(_newly(lower + 1, start, at), loadings)
+        under, over = virgin[lower], virgin[lower + 1]
         here = under + (min(at, float(last)) - lower) * (over - under)
-        back = here * angle
-        # What softens on the way hardly bends it: Newton's steps need no more of the slope.
+        back = here * strain
         steeper = here + (at * (over - under) if at < last else 0.0)
     own = (1.0 - rejoins) * local + rejoins * back
     own_slope = (1.0 - rejoins) * tangent + rejoins * steeper
-    return share * own + (1.0 - share) * whole * angle, share * own_slope + (1.0 - share) * whole
+    return share * own + (1.0 - share) * whole * strain, share * own_slope + (1.0 - share) * whole
 
 
 @njit
@@ -141,14 +145,21 @@ def soften(
     width: float,
     loadings: float,
     dwell: float,
+    blend: float,
 ) -> None:
-    """Soften each level as far as it is passed upwards, and while the angle stays beyond it."""
-    here, there = after / width, before / width
-    passed = math.exp(-step / dwell)  # of levels that it stays beyond: one exponential for all
+    """Soften each level as far as it is passed downwards, and while the strain stays beyond it.
+
+    On its way up to a new largest strain the material is virgin. How far a level is passed goes
+    over `blend` (rad), half of which lies beyond it.
+    """
+    stays = math.exp(-step / dwell)  # of levels that it stays beyond: one exponential for all
+    was, now, apart = before / blend + _REACH, after / blend + _REACH, width / blend
     for j in range(virgin.size):
-        beyond = min(max(here - j, 0.0), 1.0)
-        if beyond == 1.0 and there - j >= 1.0:
-            virgin[j] *= passed
-        elif beyond > 0.0:
-            virgin[j] *= math.exp(-beyond * step / dwell - _newly(j, there, here) / loadings)
+        passed, beyond = min(max(was, 0.0), 1.0), min(max(now, 0.0), 1.0)
+        if beyond == 1.0:
+            virgin[j] *= stays
+        elif passed > 0.0 or beyond > 0.0:
+            virgin[j] *= math.exp(-beyond * step / dwell - max(passed - beyond, 0.0) / loadings)
         below[j + 1] = below[j] + virgin[j]
+        was -= apart
+        now -= apart
