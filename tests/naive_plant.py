@@ -62,12 +62,14 @@ def play(signal, width, centre, wait=0.0, vented=0.0):
     return np.array(out)
 
 
-def slew(signal, rise, ratio, approach):
+def slew(signal, rise, ratio, approach, backpressure=0.0):
     out, now = [], 0.0
     for value in signal:
         rest = value - now
-        wanted = rest * (rise if rest > 0.0 else rise * ratio) / approach
-        now += MS * min(max(wanted, -rise * ratio), rise)
+        rate = rise * (1.0 - backpressure * now)
+        if rest < 0.0:
+            rate = rise * ratio * (1.0 + backpressure * now)
+        now += MS * rate * math.tanh(rest / approach)
         out.append(now)
     return np.array(out)
 

@@ -73,7 +73,7 @@ DRIVES = {
     "line_lag": lambda s, p: naive.lag(s, **p),
     "supply_droop": lambda s, p: naive.droop(s, **p),
     "leak": lambda s, p: naive.leak(s, *p.values()),
-    "slew_limit": lambda s, p: naive.slew(s, p["rise_kpa_s"], p["fall_ratio"], p["approach_kpa"]),
+    "slew_limit": lambda s, p: naive.slew(s, *p.values()),
     "drive_backlash": lambda s, p: naive.play(
         s, p["play_kpa"], p["centre"], p["wait_s"], p["vented"]
     ),
@@ -86,6 +86,15 @@ def test_a_drive_effect_against_a_loop_of_milliseconds(name: str) -> None:
     found = pressure(jerky(), vector(name))
     assert np.abs(slow - jerky()).max() > 0.5
     np.testing.assert_allclose(found, slow, atol=0.12)
+
+
+def test_a_pump_slows_down_against_the_pressure() -> None:
+    changes = {"rise_kpa_s": 30.0, "backpressure_per_kpa": 0.012}
+    slow = naive.slew(np.repeat(jerky(), CELL), *parameters("slew_limit", **changes).values())
+    found = pressure(jerky(), vector("slew_limit", **changes))
+    np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)
+    free = pressure(jerky(), vector("slew_limit", rise_kpa_s=30.0))
+    assert np.abs(found - free).max() > 2.0
 
 
 @pytest.mark.parametrize("height", [10.0, 40.0])
@@ -694,6 +703,25 @@ def test_friction_keeps_its_remnant_through_the_rest() -> None:
     assert first[0] == 0.0
     assert second[0] == pytest.approx(first[-1], abs=0.2)
     assert second[0] > 0.5
+
+
+def test_a_vent_that_nobody_logged_moves_a_loop_as_a_logged_one_does() -> None:
+    """An actuator that swings beyond its rest takes friction and a sensor's slack with it."""
+    command = step_release()
+    end = np.flatnonzero(command)[-1] + 1
+    first, second = trials(command, command)
+    cut = replace(
+        first,
+        t_s=first.t_s[:end],
+        command_kpa=first.command_kpa[:end],
+        angle_deg=first.angle_deg[:end],
+        after_reset=first.after_reset[:end],
+    )
+    swings = np.array([1.7, 1.0, 0.4, 2.0, 2.0])
+    for name in ("hysteresis", "sensor_hysteresis"):
+        begins = [angles((one, second), vector(name), swings)[1][0] for one in (first, cut)]
+        assert begins[1] == pytest.approx(begins[0], abs=0.3)
+        assert abs(begins[0]) > 0.1
 
 
 @pytest.mark.parametrize("rest_s", [2.0, 40.0])

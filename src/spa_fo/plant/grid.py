@@ -80,14 +80,16 @@ class CampaignGrid:
 
     @cached_property
     def fading(self) -> Integers:
-        """Step lengths, as levels, of the fractional memory: in a rest it has time to fade.
+        """Step lengths, as levels, of the fractional memory: by the end of a rest it has faded.
 
         Campaigns promise as much of their rests, and do not always say their true length. What is
         shorter than `_REST_S` is a log that was cut in two.
         """
         trial = np.searchsorted(self.step_starts[1:], np.arange(self.level.size), side="right")
         rest_s = np.bincount(trial, np.where(self.cells > 0, 0.0, STEPS_S[self.level]))
-        return np.where((self.cells > 0) | (rest_s[trial] < _REST_S), self.level, LEVELS - 1)
+        is_last = np.isin(np.arange(1, self.level.size + 1), self.step_starts)
+        fades = (self.cells == 0) & is_last & (rest_s[trial] >= _REST_S)
+        return np.where(fades, LEVELS - 1, self.level)
 
     @property
     def orders(self) -> Integers:

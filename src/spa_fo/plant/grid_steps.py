@@ -11,7 +11,7 @@ _JUMP = 0.02  # of the largest input, within one cell
 _CORNER = 0.02  # of the largest input, by which it leaves its line within `_CORNER_S`
 _CORNER_S = 0.32
 _GROWTH = 10.0  # a step is at most this part of the time since the last jump or corner
-_FIRST_REST = 2  # level of the first step of a rest
+_GROWTH_IN_REST = 5.0  # the same of the time since a rest began, of which nothing is logged
 
 
 def step_levels(drive: Floats, largest: float, longest: int) -> Integers:
@@ -52,12 +52,12 @@ def _corners(drive: Floats, jumps: Integers, least: float) -> Integers:
 
 
 def rest_levels(seconds: float) -> Integers:
-    """Split a rest into steps that grow."""
+    """Split a rest into steps that grow: it may begin with a vent, or while a response goes on."""
     left = max(0, round(seconds / FINEST_STEP_S))
-    levels, level = [], _FIRST_REST
+    levels, gone = [], 0
     while left > 0:
-        level = min(level, int(np.log2(left)), LEVELS - 1)
+        grown = max(1.0, gone / _GROWTH_IN_REST)
+        level = min(int(np.log2(grown)), int(np.log2(left)), LEVELS - 1)
         levels.append(level)
-        left -= 2**level
-        level += 1
+        left, gone = left - 2**level, gone + 2**level
     return np.array(levels, dtype=np.int64)

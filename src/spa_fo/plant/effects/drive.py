@@ -49,7 +49,8 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
         width, centre, kept, wait, vented = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 5]
         follow_with_play(p, starts, width, centre, kept, wait, vented, play)
     if not math.isnan(e[SLEW_LIMIT]):
-        slew(p, starts, e[SLEW_LIMIT], e[SLEW_LIMIT + 1], e[SLEW_LIMIT + 2])
+        rise, ratio, approach, backpressure = e[SLEW_LIMIT : SLEW_LIMIT + 4]
+        slew(p, starts, rise, ratio, approach, backpressure)
     if not math.isnan(e[SUPPLY_DROOP]):
         fraction, recovery, slow, exponent, throttled, slower, steady, building = e[
             SUPPLY_DROOP : SUPPLY_DROOP + 8

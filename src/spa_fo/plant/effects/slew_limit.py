@@ -6,7 +6,7 @@ import math
 
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats, Integers
-from spa_fo.plant.effects.effect import Effect, shape
+from spa_fo.plant.effects.effect import Effect, Parameter, shape
 from spa_fo.plant.memory import FINEST_STEP_S
 
 EFFECT = Effect(
@@ -42,30 +42,55 @@ EFFECT = Effect(
             high=1000.0,
             searched_to=9.0,  # what slows down farther off is a line's lag
         ),
+        Parameter(
+            *("backpressure_per_kpa", "1/kPa", 0.0, 0.012, 0.0, 0.2),
+            starts=(0.0, 0.012),
+            means="part of the rate that each kPa takes of a rise, and adds to a fall",
+            is_addition=True,
+        ),
     ),
     name="slew limit of the drive",
     means="the pump changes the pressure at a limited rate only",
     remedy="command ramps the pump can follow, or fit a faster pump",
-    neutral={"rise_kpa_s": 30000.0, "fall_ratio": 1.0, "approach_kpa": 0.02},
+    neutral={
+        "rise_kpa_s": 30000.0,
+        "fall_ratio": 1.0,
+        "approach_kpa": 0.02,
+        "backpressure_per_kpa": 0.0,
+    },
 )
 
 
+_LEAST = 0.05  # of the rate that a back pressure leaves. Assumed.
+_FAR = 20.0  # approaches, from which on tanh is 1
+
+
 @njit
-def slew(p: Floats, starts: Integers, rise: float, ratio: float, approach: float) -> None:
-    """Follow the command at a limited rate, exponentially near it; exact over a cell."""
+def _left(rest: float, rate: float, approach: float) -> float:
+    """Solve e' = -rate tanh(e/approach) over a cell: sinh(e/approach) falls exponentially."""
+    far, passed = abs(rest) / approach, rate * FINEST_STEP_S / approach
+    if far - passed > _FAR:
+        return math.copysign((far - passed) * approach, rest)
+    grown = 0.5 * math.exp(far - passed) * -math.expm1(-2.0 * far)
+    return math.copysign(math.asinh(grown) * approach, rest)
+
+
+@njit
+def slew(
+    p: Floats, starts: Integers, rise: float, ratio: float, approach: float, backpressure: float
+) -> None:
+    """Follow the command at a limited rate, which bends off near it; exact where it is constant."""
     for trial in range(starts.size - 1):
         now = 0.0
         for i in range(starts[trial], starts[trial + 1]):
-            before = now
             rest = p[i] - now
-            rate = rise if rest > 0.0 else rise * ratio
-            ramp = abs(rest) - approach  # so much of the way at full rate
-            sign = 1.0 if rest > 0.0 else -1.0
-            if ramp <= 0.0:
-                now = p[i] - rest * math.exp(-FINEST_STEP_S * rate / approach)
-            elif ramp >= rate * FINEST_STEP_S:
-                now += sign * rate * FINEST_STEP_S
-            else:
-                left = FINEST_STEP_S - ramp / rate
-                now = p[i] - sign * approach * math.exp(-left * rate / approach)
+            left, at = rest, now
+            for _ in range(1 if backpressure == 0.0 else 2):  # the rate that the middle has
+                if rest > 0.0:
+                    rate = rise * max(1.0 - backpressure * at, _LEAST)
+                else:
+                    rate = rise * ratio * max(1.0 + backpressure * at, _LEAST)
+                left = _left(rest, rate, approach)
+                at = now + 0.5 * (rest - left)
+            before, now = now, p[i] - left
             p[i] = 0.5 * (before + now)
