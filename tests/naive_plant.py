@@ -216,7 +216,8 @@ class Bundle:
         return (1.0 - self.by_load) * angle + self.by_load * held
 
     def _passed(self, strain):
-        return np.clip((strain - self.first) / self.blend + 0.5, 0.0, 1.0)
+        beyond = min(max(strain, 0.0), 0.5 * self.blend)
+        return np.clip((strain + beyond - self.first) / self.blend, 0.0, 1.0)
 
     def moment(self, before, after, held):
         middle = self._strain(0.5 * (before + after), held)

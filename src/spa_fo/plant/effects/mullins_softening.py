@@ -78,7 +78,7 @@ EFFECT = Effect(
         shape(
             "blend_deg",
             "deg",
-            "angles over which a loading's largest one divides virgin material from softened",
+            "angles about a loading's largest one over which its softening ends",
             centre=9.0,
             factor=2.0,
             low=1.0,
@@ -95,8 +95,6 @@ EFFECT = Effect(
 )
 
 MULLINS_LEVELS = 24
-
-
 _REACH = 0.5  # of what a loading reaches over lies beyond its largest strain. Assumed.
 
 
@@ -106,16 +104,16 @@ def virgin_moment(
     virgin: Floats,
     below: Floats,
     width: float,
-    share: float,
+    by_level: float,
     rejoins: float,
 ) -> tuple[float, float]:
     """Moment of what has not been softened yet at a strain (rad), and its slope.
 
-    The levels that are passed pull (`share` of it), and the whole bundle stiffens the actuator as a
-    whole (the rest). Either each level pulls by itself, or (`rejoins`) all is as stiff as the level
-    of the strain: beyond the largest so far the actuator is back on the path of virgin material
-    (Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431). The levels are `width` (rad) apart,
-    `below` are the sums of those below each and of all.
+    The levels that are passed pull (`by_level` of it), and the whole bundle stiffens the actuator
+    as a whole (the rest). Either each level pulls by itself, or (`rejoins`) all is as stiff as the
+    level of the strain: beyond the largest so far the actuator is back on the path of virgin
+    material (Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431). The levels are `width` (rad)
+    apart, `below` are the sums of those below each and of all.
     """
     last, at = virgin.size - 1, strain / width
     level = min(int(max(at, 0.0)), last)
@@ -132,7 +130,14 @@ def virgin_moment(
         steeper = here + (at * (over - under) if at < last else 0.0)
     own = (1.0 - rejoins) * local + rejoins * back
     own_slope = (1.0 - rejoins) * tangent + rejoins * steeper
-    return share * own + (1.0 - share) * whole * strain, share * own_slope + (1.0 - share) * whole
+    moment = by_level * own + (1.0 - by_level) * whole * strain
+    return moment, by_level * own_slope + (1.0 - by_level) * whole
+
+
+@njit
+def _reached(strain: float, blend: float) -> float:
+    """Say how far a strain passes a level of 0, in blends: at rest it does not."""
+    return strain / blend + min(max(strain / blend, 0.0), _REACH)
 
 
 @njit
@@ -150,10 +155,10 @@ def soften(
     """Soften each level as far as it is passed downwards, and while the strain stays beyond it.
 
     On its way up to a new largest strain the material is virgin. How far a level is passed goes
-    over `blend` (rad), half of which lies beyond it.
+    over `blend` (rad), half of which lies beyond it, but no more than the strain itself.
     """
     stays = math.exp(-step / dwell)  # of levels that it stays beyond: one exponential for all
-    was, now, apart = before / blend + _REACH, after / blend + _REACH, width / blend
+    was, now, apart = _reached(before, blend), _reached(after, blend), width / blend
     for j in range(virgin.size):
         passed, beyond = min(max(was, 0.0), 1.0), min(max(now, 0.0), 1.0)
         if beyond == 1.0:
