@@ -211,19 +211,41 @@ def test_what_repeats_differ_by_is_no_effect_of_the_drive():
         assert one.best.evidence[0] > one.best.evidence.max() - 50.0
 
 
-@pytest.mark.parametrize("orifice_share", [0.0, 1.0])
-def test_a_line_of_either_form_is_found_behind_a_pump_that_is_late(orifice_share):
-    levels_kpa = SIXTY, SIXTY, 0.8 * SIXTY, 0.8 * SIXTY
-    logged = trials(*(np.repeat([0.0, level], [25, 130]) for level in levels_kpa))
-    before, e, rng = collect(campaign_data(logged)), absent(), np.random.default_rng(8)
-    e[LIBRARY["dead_time"].slots] = 0.12
-    e[LIBRARY["line_lag"].slots] = 0.25, 0.0, 0.0, 0.0, orifice_share
-    shown, own = before.grid.read(modelled_pressure(before, e)), []
+def logged_under(commands_kpa, e, seed=8):
+    """Trials whose measured pressure is that of the drive with effects `e`."""
+    logged, rng, own = trials(*commands_kpa), np.random.default_rng(seed), []
+    before = collect(campaign_data(logged))
+    shown = before.grid.read(modelled_pressure(before, e))
     for trial, rows in zip(logged, before.rows, strict=True):
         kpa = np.interp(trial.t_s, before.grid.time_s[rows], shown[rows])
         noisy = kpa + NOISE_KPA * rng.normal(size=kpa.size)
         own.append(replace(trial, pressure_kpa=noisy))
-    found = examine_drive(collect(campaign_data(own)), (), X)
+    return collect(campaign_data(own))
+
+
+def test_a_delay_that_may_be_another_beside_another_effect_is_tried_at_any_length():
+    evidence, delays_s = driven([0.3]), [0.02, 0.28, 1.1]
+    rows = rows_of(evidence, timing_error(evidence) ** 2)
+    whitening = Whitening(
+        rows, Spectrum(NOISE_KPA**2, np.zeros(CORRELATION_S.size)), np.zeros(rows.size)
+    )
+    both = PressureProblem(evidence, whitening, ("dead_time", "slew_limit"))
+    (z, *_) = starts(both, np.zeros(0))
+    found = both.delayed(z, delays_s)
+    assert [both.effects(one)[LIBRARY["dead_time"].first] for one in found] == delays_s
+    assert all((one[1:] == z[1:]).all() for one in found)
+    without = PressureProblem(evidence, whitening, ("line_lag", "slew_limit"))
+    assert without.delayed(starts(without, np.zeros(0))[0], delays_s) == []
+
+
+@pytest.mark.parametrize("orifice_share", [0.0, 1.0])
+def test_a_line_of_either_form_is_found_behind_a_pump_that_is_late(orifice_share):
+    levels_kpa = SIXTY, SIXTY, 0.8 * SIXTY, 0.8 * SIXTY
+    e = absent()
+    e[LIBRARY["dead_time"].slots] = 0.12
+    e[LIBRARY["line_lag"].slots] = 0.25, 0.0, 0.0, 0.0, orifice_share
+    commands = [np.repeat([0.0, level], [25, 130]) for level in levels_kpa]
+    found = examine_drive(logged_under(commands, e), (), X)
     both = found.fits[("dead_time", "line_lag")]
     # A pump that waits where it turns does the same, from rest.
     assert both.evidence.max() > found.best.evidence.max() - 3.0

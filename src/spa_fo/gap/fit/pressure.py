@@ -181,6 +181,17 @@ class PressureProblem(Explained):
 
         return [ranked[place] for place in sorted(range(len(ranked)), key=comes)[:most]]
 
+    def delayed(self, z: Floats, delays_s: Sequence[float]) -> list[Floats]:
+        """Give a point with each of some delays in place of its own; none without a delay."""
+        found = []
+        for place, slot in enumerate(self.slots):
+            if slot.parameter.is_delay:
+                for delay in delays_s:
+                    point = z.copy()
+                    point[place] = slot.searched(delay)
+                    found.append(point)
+        return found
+
     @property
     def forms(self) -> list[int]:
         """Places of what says which of two forms an effect has."""

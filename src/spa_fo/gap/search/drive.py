@@ -130,16 +130,18 @@ def examine_drive(
         own = problem(ids)
         return _fit(own, starts(own, np.zeros(0), _DELAYS_S), rooms)
 
-    def together(ids: Ids) -> list[Floats]:
-        singles = [fits[(name,)] for name in ids]
+    def together(own: PressureProblem) -> list[Floats]:
+        singles = [fits[(name,)] for name in own.ids]
         # What is late may be the sensor for the one, and the drive for the other.
         lags = sorted({round(float(f.z[-1]), 3) for f in singles})
         ways = product(*([z[:-1] for z in fit.ends] for fit in singles))
-        return [np.array([*np.concatenate(way), lag]) for way in ways for lag in lags]
+        points = [np.array([*np.concatenate(way), lag]) for way in ways for lag in lags]
+        # By itself a delay may have been nothing beside what the other makes of a jump.
+        return points + [z for point in points for z in own.delayed(point, _DELAYS_S)]
 
     def roughly(ids: Ids) -> tuple[float, list[Floats]]:
         own, factor = problem(ids), whitening.factor(1.0, SETTINGS.search_share)
-        points = own.first_of(together(ids), factor, _BEST_STARTS)
+        points = own.first_of(together(own), factor, _BEST_STARTS)
         first, *others = sorted(
             (own.search(z, factor, own.variance, _ROUGH, _ROUGH_TRIED) for z in points),
             key=lambda found: found.at.value,
