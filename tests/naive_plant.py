@@ -66,9 +66,9 @@ def slew(signal, rise, ratio, approach, backpressure=0.0):
     out, now = [], 0.0
     for value in signal:
         rest = value - now
-        rate = rise * (1.0 - backpressure * now)
+        rate = rise * max(1.0 - backpressure * now, 0.05)
         if rest < 0.0:
-            rate = rise * ratio * (1.0 + backpressure * now)
+            rate = rise * ratio * max(1.0 + backpressure * now, 0.05)
         now += MS * rate * math.tanh(rest / approach)
         out.append(now)
     return np.array(out)

@@ -15,7 +15,7 @@ from spa_fo.gap.fit.pressure import PressureProblem, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import pressure_noise
 from spa_fo.gap.noise.whitening import Whitening
-from spa_fo.gap.search.drive import _WINDOWS, _beyond, examine_drive
+from spa_fo.gap.search.drive import _WINDOWS, _beyond, _together, examine_drive
 from spa_fo.plant.effects.library import LIBRARY, absent, rare
 from spa_fo.plant.memory import FINEST_STEP_S
 
@@ -223,19 +223,21 @@ def logged_under(commands_kpa, e, seed=8):
     return collect(campaign_data(own))
 
 
-def test_a_delay_that_may_be_another_beside_another_effect_is_tried_at_any_length():
-    evidence, delays_s = driven([0.3]), [0.02, 0.28, 1.1]
+def test_a_delay_that_is_nothing_alone_may_be_any_beside_another_effect():
+    """Whatever each was alone: a pair is begun at the delay that is there, too."""
+    evidence = driven([0.3] * 3)
+    found = examine_drive(evidence, RARE, X)
     rows = rows_of(evidence, timing_error(evidence) ** 2)
-    whitening = Whitening(
-        rows, Spectrum(NOISE_KPA**2, np.zeros(CORRELATION_S.size)), np.zeros(rows.size)
-    )
+    white = Spectrum(NOISE_KPA**2, np.zeros(CORRELATION_S.size))
+    whitening = Whitening(rows, white, np.zeros(rows.size))
+    nothing = replace(found.fits[("dead_time",)], ends=(np.array([0.01, 0.0]),))
     both = PressureProblem(evidence, whitening, ("dead_time", "slew_limit"))
-    (z, *_) = starts(both, np.zeros(0))
-    found = both.delayed(z, delays_s)
-    assert [both.effects(one)[LIBRARY["dead_time"].first] for one in found] == delays_s
-    assert all((one[1:] == z[1:]).all() for one in found)
+    points = _together(both, [nothing, found.fits[("slew_limit",)]])
+    assert any(abs(z[0] - 0.3) < FINEST_STEP_S for z in points)
+    assert len({tuple(z[1:]) for z in points}) < len(points)
     without = PressureProblem(evidence, whitening, ("line_lag", "slew_limit"))
-    assert without.delayed(starts(without, np.zeros(0))[0], delays_s) == []
+    alone = [found.fits[(name,)] for name in without.ids]
+    assert len(_together(without, alone)) <= 2 * len(alone[0].ends) * len(alone[1].ends)
 
 
 @pytest.mark.parametrize("orifice_share", [0.0, 1.0])

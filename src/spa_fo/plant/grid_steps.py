@@ -11,7 +11,7 @@ _JUMP = 0.02  # of the largest input, within one cell
 _CORNER = 0.02  # of the largest input, by which it leaves its line within `_CORNER_S`
 _CORNER_S = 0.32
 _GROWTH = 10.0  # a step is at most this part of the time since the last jump or corner
-_GROWTH_IN_REST = 5.0  # the same of the time since a rest began, of which nothing is logged
+_GROWTH_IN_REST = 5.0  # the same of the time since a rest began, of which no log tells
 
 
 def step_levels(drive: Floats, largest: float, longest: int) -> Integers:

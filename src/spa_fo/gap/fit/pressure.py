@@ -183,14 +183,12 @@ class PressureProblem(Explained):
 
     def delayed(self, z: Floats, delays_s: Sequence[float]) -> list[Floats]:
         """Give a point with each of some delays in place of its own; none without a delay."""
-        found = []
-        for place, slot in enumerate(self.slots):
-            if slot.parameter.is_delay:
-                for delay in delays_s:
-                    point = z.copy()
-                    point[place] = slot.searched(delay)
-                    found.append(point)
-        return found
+        return [
+            np.where(np.arange(z.size) == place, slot.searched(delay), z)
+            for place, slot in enumerate(self.slots)
+            if slot.parameter.is_delay
+            for delay in delays_s
+        ]
 
     @property
     def forms(self) -> list[int]:

@@ -130,18 +130,10 @@ def examine_drive(
         own = problem(ids)
         return _fit(own, starts(own, np.zeros(0), _DELAYS_S), rooms)
 
-    def together(own: PressureProblem) -> list[Floats]:
-        singles = [fits[(name,)] for name in own.ids]
-        # What is late may be the sensor for the one, and the drive for the other.
-        lags = sorted({round(float(f.z[-1]), 3) for f in singles})
-        ways = product(*([z[:-1] for z in fit.ends] for fit in singles))
-        points = [np.array([*np.concatenate(way), lag]) for way in ways for lag in lags]
-        # By itself a delay may have been nothing beside what the other makes of a jump.
-        return points + [z for point in points for z in own.delayed(point, _DELAYS_S)]
-
     def roughly(ids: Ids) -> tuple[float, list[Floats]]:
         own, factor = problem(ids), whitening.factor(1.0, SETTINGS.search_share)
-        points = own.first_of(together(own), factor, _BEST_STARTS)
+        begun = _together(own, [fits[(name,)] for name in ids])
+        points = own.first_of(begun, factor, _BEST_STARTS)
         first, *others = sorted(
             (own.search(z, factor, own.variance, _ROUGH, _ROUGH_TRIED) for z in points),
             key=lambda found: found.at.value,
@@ -164,6 +156,16 @@ def examine_drive(
         ended = each(lambda ids: _fit(problem(ids), begun[ids][1], rooms), promising)
         fits |= {fit.ids: fit for fit in ended}
     return drive_of(evidence, fits, x, wander)
+
+
+def _together(own: PressureProblem, singles: Sequence[DriveFit]) -> list[Floats]:
+    """List points at which effects that were fitted alone may begin together."""
+    # What is late may be the sensor for the one, and the drive for the other.
+    lags = sorted({round(float(f.z[-1]), 3) for f in singles})
+    ways = product(*([z[:-1] for z in fit.ends] for fit in singles))
+    points = [np.array([*np.concatenate(way), lag]) for way in ways for lag in lags]
+    # By itself a delay may have been nothing beside what the other makes of a jump.
+    return points + [z for point in points for z in own.delayed(point, _DELAYS_S)]
 
 
 def _wander(evidence: Evidence, noise: PressureNoise) -> float:
