@@ -103,15 +103,17 @@ def droop(
     return np.array(out)
 
 
-def leak(signal, rate, makeup, vented_share, renewal):
+def leak(signal, rate, makeup, vented_share, renewal, below_share):
     out, lost, before = [], 0.0, 0.0
     for value in signal:
         if 0.0 <= value < before:  # a part of what is lost goes out with what is vented
             lost = (1.0 - vented_share) * lost + vented_share * lost * value / before
         lost /= math.exp(renewal * abs(value - before))
         before = value
-        lost += MS * (rate * max(value - lost, 0.0) - makeup * lost)
-        lost = min(lost, max(value, 0.0))
+        above = max(value, 0.0) - lost
+        lost += MS * (rate * above - makeup * lost)
+        if lost > max(value, 0.0):  # less than the atmosphere
+            lost = max(value, 0.0) + (lost - max(value, 0.0)) * below_share**MS
         out.append(value - lost)
     return np.array(out)
 

@@ -43,6 +43,7 @@ SIZES: dict[str, dict[str, float]] = {
         "makeup_per_s": 0.05,
         "vented_share": 0.6,
         "renewal_per_kpa": 0.02,
+        "below_share": 0.4,
     },
     "slew_limit": {"rise_kpa_s": 60.0, "fall_ratio": 0.7, "approach_kpa": 3.0},
     "drive_backlash": {"play_kpa": 3.0, "centre": 0.4, "kept": 1.0, "wait_s": 0.0, "vented": 0.0},

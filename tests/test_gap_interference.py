@@ -133,14 +133,19 @@ def late_by_jitter(data: CampaignData, share: float) -> CampaignData:
     return replace(data, trials=tuple(replace(t, t_s=later(t.t_s)) for t in data.trials))
 
 
-@pytest.mark.parametrize("hz", [8.0, 17.3, 50.0])
-def test_a_line_is_found_in_a_log_whose_intervals_differ(hz: float, clean: CampaignData) -> None:
-    """Samples count when they were taken, which tells a line above half the rate from its alias."""
+@pytest.mark.parametrize(("hz", "error"), [(8.0, 0.15), (17.3, 0.15), (50.0, 0.15), (120.0, 0.25)])
+def test_a_line_is_found_in_a_log_whose_intervals_differ(
+    hz: float, error: float, clean: CampaignData
+) -> None:
+    """Samples count when they were taken, which tells a line from its alias, a rectified hum too.
+
+    A part of it is in the means over averaging steps.
+    """
     data = late_by_jitter(clean, 0.3)
     assert np.diff(data.trials[0].t_s).min() > 1.0 / 50.0
     found = fast_line(collect(hummed(data, hz, 0.8)))
     assert found.frequency_hz == pytest.approx(hz, abs=0.02)
-    assert found.amplitude_deg == pytest.approx(0.8, rel=0.15)
+    assert found.amplitude_deg == pytest.approx(0.8, rel=error)
     assert fast_line(collect(data)).gain == 0.0
 
 

@@ -150,6 +150,17 @@ def test_a_leak_is_made_good_where_the_command_changes() -> None:
     assert (lost[245:339] < 0.1).all()
 
 
+@pytest.mark.parametrize("below", [0.0, 0.5, 1.0])
+def test_air_that_leaked_out_is_missing_after_the_vent_where_it_is_shut_in(below: float) -> None:
+    command, rate = np.repeat([40.0, 0.0], 400), 0.05
+    none = dict.fromkeys(["makeup_per_s", "vented_share", "renewal_per_kpa"], 0.0)
+    found = pressure(command, vector("leak", rate_per_s=rate, **none, below_share=below))
+    held_s, since_s = 400 * CELL * 1e-3, CELL * 1e-3 * (np.arange(400) + 0.5)
+    missing = 40.0 * -math.expm1(-rate * held_s)
+    left = missing * np.exp(-rate * since_s) * below**since_s
+    np.testing.assert_allclose(found[400:], -left, atol=0.01 * missing)
+
+
 def test_drive_effects_act_together() -> None:
     effects = absent()
     slow = np.repeat(jerky(), CELL)

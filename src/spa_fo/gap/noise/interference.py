@@ -26,7 +26,7 @@ SLOWEST_FAST_HZ = 3.2
 """Lines above do not show in the averaged samples."""
 _PADDED = 8192  # intervals between samples, of a transform
 _FINER = 8  # parts of the fastest period by which it is told when a sample was taken
-_MAINS_HZ = 65.0  # a mains' own frequency is below
+_MAINS_HZ = 130.0  # a mains' own frequency is below, and twice it, as a rectified one has
 _ALIAS = 1.1  # times the power of its alias a line above half the rate has to have. Assumed
 _ABOUT_HZ = 1.0  # to either side, of the background that a fast line stands out of
 _NEAR = 5  # frequencies of a transform among which the top of a line is

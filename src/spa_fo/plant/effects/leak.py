@@ -42,6 +42,14 @@ EFFECT = Effect(
             "where it is told something new",
             is_addition=True,
         ),
+        Parameter(
+            *("below_share", "1", 0.0, 0.6, 0.0, 1.0),
+            starts=(0.0, 1.0),
+            means="part of what is missing below the atmosphere that still is a second later: none "
+            "behind a valve that opens to it, all but what leaks in where the air is shut in",
+            is_addition=True,
+            two_forms=True,
+        ),
     ),
     name="leak",
     means="pressure is lost while the command is held",
@@ -53,12 +61,21 @@ EFFECT = Effect(
 
 @njit
 def lose(
-    p: Floats, starts: Integers, rate: float, makeup: float, vented: float, renewal: float
+    p: Floats,
+    starts: Integers,
+    rate: float,
+    makeup: float,
+    vented: float,
+    renewal: float,
+    below: float,
 ) -> None:
     """Lose pressure in proportion to itself; the supply makes good in proportion to the loss.
 
-    Of the loss a change of what the supply gives by Δ kPa leaves exp(-renewal·Δ).
+    Of the loss a change of what the supply gives by Δ kPa leaves exp(-renewal·Δ). Below the
+    atmosphere air leaks in as it leaks out above, and a part `below` of what is missing there is
+    left by what else lets it in for a second.
     """
+    kept = below**FINEST_STEP_S
     for trial in range(starts.size - 1):
         lost = before = 0.0
         for i in range(starts[trial], starts[trial + 1]):
@@ -66,6 +83,8 @@ def lose(
                 lost *= 1.0 - vented * (1.0 - p[i] / before)
             lost *= math.exp(-renewal * abs(p[i] - before))
             before = p[i]
-            lost += FINEST_STEP_S * (rate * max(p[i] - lost, 0.0) - makeup * lost)
-            lost = min(lost, max(p[i], 0.0))
+            given = max(p[i], 0.0)
+            lost += FINEST_STEP_S * (rate * (given - lost) - makeup * lost)
+            if lost > given:
+                lost = given + kept * (lost - given)
             p[i] -= lost
