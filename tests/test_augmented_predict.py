@@ -238,6 +238,22 @@ def test_every_sample_has_its_prediction() -> None:
     np.testing.assert_allclose(found, np.interp(cut.t_s - 0.1, cut.t_s, linear), atol=0.25)
 
 
+def test_a_late_log_that_holds_its_readings_is_predicted_with_its_holds() -> None:
+    """Whoever holds readings for 0.2 s is late by half of it on the mean, and in steps."""
+    plain = trials(step_release(), step_release(0.5 * SIXTY))
+    read = [np.floor(one.t_s / 0.2 + 1e-9) * 0.2 for one in plain]
+    own = [
+        replace(one, angle_deg=np.interp(at, one.t_s, one.angle_deg))
+        for one, at in zip(plain, read, strict=True)
+    ]
+    late = entry("channel_latency", delay_s=0.1)
+    late["parameters"] |= {k: 0.0 for k in late["parameters"] if k != "delay_s"}
+    predicted = predict_augmented(model(late), campaign_data(own))
+    for one, before, found in zip(own, plain, predicted, strict=True):
+        on_the_mean = np.interp(one.t_s - 0.1, before.t_s, before.angle_deg)
+        assert np.std(one.angle_deg - found) < 0.3 * np.std(one.angle_deg - on_the_mean)
+
+
 def test_trials_come_back_in_the_order_of_the_file() -> None:
     """Experiments may be interleaved: the state follows `order`, the answer the list."""
     own = trials(step_release(), step_release(0.5 * SIXTY), step_release(), step_release())

@@ -155,6 +155,17 @@ def test_a_line_above_half_the_rate_of_a_regular_log_is_its_alias(clean: Campaig
     assert found.frequency_hz == pytest.approx(8.0, abs=0.05)
 
 
+def test_lines_of_readings_that_are_held_are_no_interference(clean: CampaignData) -> None:
+    read = [np.floor(trial.t_s / 0.25 + 1e-9) * 0.25 for trial in clean.trials]
+    trials = tuple(
+        replace(trial, angle_deg=np.interp(at, trial.t_s, trial.angle_deg))
+        for trial, at in zip(clean.trials, read, strict=True)
+    )
+    held = collect(replace(clean, trials=trials))
+    assert held.grid.held_s is not None
+    assert fast_line(held).gain == 0.0
+
+
 def test_no_fast_line_is_found_where_there_is_none(clean: CampaignData) -> None:
     assert fast_line(collect(clean)).gain == 0.0
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from spa_fo.arrays import Floats, Integers
 from spa_fo.errors import BadInput
-from spa_fo.plant.chain import Chain, chain_for
+from spa_fo.plant.chain import Chain, chain_for, log_delays
 from spa_fo.plant.effects.effect import Effect, Parameter
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.grid import campaign_grid
@@ -22,6 +22,7 @@ from spa_fo.plant.model_file import Model
 from spa_fo.plant.specimen import Memory, Mounting
 from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import Campaign, CampaignData, Trial
+from spa_fo.rig.held_readings import since_middle
 from spa_fo.validation import suggestion
 
 Source = Path | str
@@ -223,11 +224,14 @@ def _predict(
     zeros = _zeros_deg(model, run.effects, grid.orders, same_sensor)
     effects = run.effects.copy()
     effects[LIBRARY["sensor_slip"].slots] = np.nan
+    held = None if log_delays(effects) is None else since_middle(grid.trials)
     angles = []
     for trial in trials:
         i = place[trial.order]
         step, share = grid.locate(i, trial.t_s)
-        angle = run.chain.logged(run.reading, effects, step, share, np.full(step.size, i))
+        held_s = None if held is None else held[i]
+        at = step, share, np.full(step.size, i)
+        angle = run.chain.logged(run.reading, effects, *at, held_s)
         angles.append(trial.zeroed(angle) if trial.zero_until_s > 0.0 else angle + zeros[i])
     return tuple(angles)
 

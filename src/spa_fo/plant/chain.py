@@ -287,10 +287,17 @@ class Chain:
         """Take the reading at the grid's averaged samples, by each log's own zero if it has one."""
         grid = self.grid
         at = grid.sample_step, grid.sample_share, grid.sample_trial
-        return grid.zeroed(self.logged(reading, effects, *at))
+        held_s = None if log_delays(effects) is None else grid.held_s
+        return grid.zeroed(self.logged(reading, effects, *at, held_s))
 
     def logged(
-        self, reading: Floats, effects: Floats, step: Integers, share: Floats, trial: Integers
+        self,
+        reading: Floats,
+        effects: Floats,
+        step: Integers,
+        share: Floats,
+        trial: Integers,
+        held_s: Floats | None = None,
     ) -> Floats:
         """Take the reading at any samples; the log's delay and the slip act here.
 
@@ -305,6 +312,9 @@ class Chain:
         step, share, trial : (n,) arrays
             Each sample's step, where in it the sample lies (0 to 1), and its trial as an index
             into the grid's.
+        held_s : (n,) array, optional
+            How long after the middle of its hold each sample was logged, where a log that is late
+            holds its readings: a delay is that of the middle.
         """
         grid = self.grid
         # A film may read other than 0 at rest, and an actuator rest elsewhere.
@@ -317,7 +327,9 @@ class Chain:
             y = (1.0 - share) * before[step] + share * reading[step]
         else:
             at = (grid.level, grid.step_starts, step, share, trial)
-            y = np.mean([read_earlier(before, reading, *at, late) for late in delays], axis=0)
+            since = np.zeros(step.size) if held_s is None else held_s
+            lates = np.maximum(np.add.outer(delays, since), 0.0)
+            y = np.mean([read_earlier(before, reading, *at, late) for late in lates], axis=0)
         y = self.mounting.logged_deg(y)
         walk, zero = effects[_SLIP]
         if not math.isnan(walk):

@@ -19,6 +19,7 @@ from spa_fo.plant.grid_steps import rest_levels, step_levels
 from spa_fo.plant.lost_rows import command_times
 from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S, means_over, read_rows
 from spa_fo.rig import Trial
+from spa_fo.rig.held_readings import since_middle
 
 _LONGEST = 3  # level of the longest step within a trial: 0.16 s
 _REST_S = 1.0  # what is shorter between two trials is no rest. Assumed
@@ -177,6 +178,18 @@ class CampaignGrid:
         weights = np.add.reduceat(np.concatenate(rows).astype(np.float64), self.row_starts)
         total = np.bincount(self.sample_trial, weights, minlength=len(self.trials))
         return np.asarray(weights / np.maximum(total, 1.0)[self.sample_trial])
+
+    @cached_property
+    def held_s(self) -> Floats | None:
+        """How long after the middle of its hold each averaged sample was logged, (n,), s.
+
+        None where the angle is read anew for every row (`spa_fo.rig.held_readings`).
+        """
+        held = since_middle(self.trials)
+        if held is None:
+            return None
+        kept = [own[~t.after_reset] for own, t in zip(held, self.trials, strict=True)]
+        return self.averaged(np.concatenate(kept))
 
     def averaged(self, rows: Floats) -> Floats:
         """Average what stands at the rows of all trials, those after a reset left out."""

@@ -72,8 +72,11 @@ def fast_line(evidence: Evidence) -> Line:
     It has to stand out of the noise of the frequencies about it, as that need not be white: of what
     they hold beside it, as in short trials a line leaks far. Logs too slow to show one have none.
     Samples count when they were taken: a log that is not regular tells a line above half its rate
-    from the alias below, and may show nothing there.
+    from the alias below, and may show nothing there. A log that holds its readings shows lines of
+    its own.
     """
+    if evidence.grid.held_s is not None:
+        return NONE
     interval_s, pieces = _fast(evidence)
     counts = np.array([[piece.time_s.size] for piece in pieces])
     n, total = int(counts.sum()), float(sum(np.sum(piece.angle_deg**2) for piece in pieces))

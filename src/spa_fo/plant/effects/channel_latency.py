@@ -50,14 +50,14 @@ def read_earlier(
     step: Integers,
     share: Floats,
     trial: Integers,
-    delay: float,
+    delay: Floats,
 ) -> Floats:
-    """Read each sample `delay` seconds earlier, straight within a step."""
+    """Read each sample its `delay` in seconds earlier, straight within a step."""
     out = np.empty(step.size)
     for i in range(step.size):
         j = step[i]
         first = starts[trial[i]]
-        back = delay
+        back = delay[i]
         length = FINEST_STEP_S * 2.0 ** level[j]
         at = share[i] * length - back
         while at < 0.0 and j > first:
