@@ -9,7 +9,8 @@ import pytest
 
 from identify_cases import trial
 from spa_fo.rig import Trial
-from spa_fo.rig.held_readings import since_middle
+from spa_fo.rig.held_readings import held as told
+from spa_fo.rig.held_readings import holds_of
 
 RATE = 50.0
 
@@ -49,13 +50,13 @@ def test_holds_are_found_with_period_and_phase() -> None:
         period_s, noise_deg = rng.uniform(0.07, 0.3), rng.choice([0.0, 0.05])
         begins = rng.uniform(0.0, period_s, len(plain))
         trials = [held(one, period_s, t, noise_deg) for one, t in zip(plain, begins, strict=True)]
-        found = since_middle(trials)
-        if found is None:
+        holds = holds_of(trials)
+        if holds is None:
             continue
         errors = []
-        for one, own, begins_s in zip(plain, found, begins, strict=True):
+        for one, log, begins_s in zip(plain, trials, begins, strict=True):
             moving = np.abs(np.gradient(one.angle_deg, one.t_s)) > 5.0
-            away = own - expected(one, period_s, begins_s)
+            away = holds.since_middle(log) - expected(one, period_s, begins_s)
             errors.append(np.abs(away - period_s * np.round(away / period_s))[moving])
         # When exactly between two rows a reading was taken nobody can tell.
         right += bool(np.quantile(np.concatenate(errors), 0.9) < 1.0 / RATE)
@@ -64,20 +65,20 @@ def test_holds_are_found_with_period_and_phase() -> None:
 
 @pytest.mark.parametrize("noise_deg", [0.0, 0.05, 0.5])
 def test_readings_that_are_taken_anew_are_not_held(noise_deg: float) -> None:
-    assert since_middle([smooth(number, noise_deg) for number in (1, 2, 3)]) is None
+    assert holds_of([smooth(number, noise_deg) for number in (1, 2, 3)]) is None
 
 
 def test_a_coarse_converter_holds_nothing() -> None:
     trials = [smooth(number) for number in (1, 2, 3)]
     coarse = [replace(one, angle_deg=np.round(one.angle_deg / 0.5) * 0.5) for one in trials]
-    assert since_middle(coarse) is None
+    assert holds_of(coarse) is None
 
 
 def test_logs_without_motion_or_without_an_angle_tell_nothing() -> None:
     one = smooth(1)
     for nothing in (np.zeros(one.t_s.size), np.full(one.t_s.size, np.nan)):
-        assert since_middle([replace(one, angle_deg=nothing)]) is None
-    assert since_middle([]) is None
+        assert holds_of([replace(one, angle_deg=nothing)]) is None
+    assert holds_of([]) is None
 
 
 def test_a_short_trial_beside_others_has_its_times_too() -> None:
@@ -87,6 +88,14 @@ def test_a_short_trial_beside_others_has_its_times_too() -> None:
         for name in ("t_s", "command_kpa", "pressure_kpa", "flex_adc", "angle_deg")
     }
     masks = {name: getattr(plain[1], name)[:5] for name in ("after_reset", "outside_calibration")}
-    found = since_middle([held(plain[0], 0.2, 0.0), replace(plain[1], **short, **masks)])
-    assert found is not None
-    assert [own.size for own in found] == [plain[0].t_s.size, 5]
+    trials = [held(plain[0], 0.2, 0.0), replace(plain[1], **short, **masks)]
+    holds = holds_of(trials)
+    assert holds is not None
+    assert [holds.since_middle(one).size for one in trials] == [plain[0].t_s.size, 5]
+
+
+def test_a_line_tells_that_readings_are_held() -> None:
+    plain = [smooth(number) for number in (1, 2, 3)]
+    (line,) = told([held(one, 0.2, 0.0) for one in plain])
+    assert "read anew every 0.2 s only, while rows come every 0.02 s" in line
+    assert not list(told(plain))

@@ -22,7 +22,7 @@ from spa_fo.plant.model_file import Model
 from spa_fo.plant.specimen import Memory, Mounting
 from spa_fo.plant.static_curve import curve_of
 from spa_fo.rig import Campaign, CampaignData, Trial
-from spa_fo.rig.held_readings import since_middle
+from spa_fo.rig.held_readings import holds_of
 from spa_fo.validation import suggestion
 
 Source = Path | str
@@ -224,12 +224,12 @@ def _predict(
     zeros = _zeros_deg(model, run.effects, grid.orders, same_sensor)
     effects = run.effects.copy()
     effects[LIBRARY["sensor_slip"].slots] = np.nan
-    held = None if log_delays(effects) is None else since_middle(grid.trials)
+    holds = None if log_delays(effects) is None else holds_of(grid.trials)
     angles = []
     for trial in trials:
         i = place[trial.order]
         step, share = grid.locate(i, trial.t_s)
-        held_s = None if held is None else held[i]
+        held_s = None if holds is None else holds.since_middle(grid.trials[i])
         at = step, share, np.full(step.size, i)
         angle = run.chain.logged(run.reading, effects, *at, held_s)
         angles.append(trial.zeroed(angle) if trial.zero_until_s > 0.0 else angle + zeros[i])

@@ -19,7 +19,7 @@ from spa_fo.plant.grid_steps import rest_levels, step_levels
 from spa_fo.plant.lost_rows import command_times
 from spa_fo.plant.memory import FINEST_STEP_S, LEVELS, STEPS_S, means_over, read_rows
 from spa_fo.rig import Trial
-from spa_fo.rig.held_readings import since_middle
+from spa_fo.rig.held_readings import holds_of
 
 _LONGEST = 3  # level of the longest step within a trial: 0.16 s
 _REST_S = 1.0  # what is shorter between two trials is no rest. Assumed
@@ -185,11 +185,11 @@ class CampaignGrid:
 
         None where the angle is read anew for every row (`spa_fo.rig.held_readings`).
         """
-        held = since_middle(self.trials)
-        if held is None:
+        holds = holds_of(self.trials)
+        if holds is None:
             return None
-        kept = [own[~t.after_reset] for own, t in zip(held, self.trials, strict=True)]
-        return self.averaged(np.concatenate(kept))
+        rows = [holds.since_middle(trial)[~trial.after_reset] for trial in self.trials]
+        return self.averaged(np.concatenate(rows))
 
     def averaged(self, rows: Floats) -> Floats:
         """Average what stands at the rows of all trials, those after a reset left out."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,21 +26,41 @@ _PHASES = (-0.5, -0.25, 0.0, 0.25, 0.5)  # about the spectrum's, in rows
 _MOST_WITHIN, _AS_LITTLE = 0.1, 0.01
 
 
-def since_middle(trials: Sequence[Trial]) -> list[Floats] | None:
-    """Say how long before or after the middle of its hold each row was logged.
+@dataclass(frozen=True)
+class Holds:
+    """How a channel holds its readings.
 
-    Parameters
+    Attributes
     ----------
-    trials : sequence of Trial
-        With angles.
-
-    Returns
-    -------
-    list of (rows,) arrays or None
-        Seconds, by trial; None where the angle is read anew for every row, or motion does not tell.
+    period_s : float
+        For how long.
+    interval_s : float
+        Between two rows, mostly.
+    noise : float
+        Mean square of a change from row to row without motion, deg².
     """
-    logs = [_Log(trial) for trial in trials]
-    moving = [log for log in logs if log.changes.size >= _WINDOW]
+
+    period_s: float
+    interval_s: float
+    noise: float
+
+    def since_middle(self, trial: Trial) -> Floats:
+        """Say how long before or after the middle of its hold each row was logged, (rows,), s.
+
+        Every trial may begin at a moment of its own within a hold.
+        """
+        log = _Log(trial)
+        begins_s = log.begins(self.period_s, self.interval_s, self.noise) if log.changes.size else 0
+        return np.asarray((trial.t_s - begins_s) % self.period_s - 0.5 * self.period_s)
+
+
+def holds_of(trials: Sequence[Trial]) -> Holds | None:
+    """Find for how long the readings of the angle are held.
+
+    Returns None where they are taken anew for every row, or motion does not tell: it has to go on
+    over several holds.
+    """
+    moving = [log for log in map(_Log, trials) if log.changes.size >= _WINDOW]
     if not moving:
         return None
     changes = np.concatenate([log.changes for log in moving])
@@ -53,12 +74,17 @@ def since_middle(trials: Sequence[Trial]) -> list[Floats] | None:
         return None
     interval_s = float(np.median(np.concatenate([np.diff(log.t_s) for log in moving])))
     period_s = _period(moving, interval_s, noise)
-    if period_s is None:
-        return None
-    return [
-        log.since_middle(trial, period_s, interval_s, noise)
-        for log, trial in zip(logs, trials, strict=True)
-    ]
+    return None if period_s is None else Holds(period_s, interval_s, noise)
+
+
+def held(trials: Sequence[Trial]) -> Iterator[str]:
+    """Say in a line that readings are held, where they are."""
+    holds = holds_of(trials)
+    if holds is not None:
+        yield (
+            f"the angle is read anew every {holds.period_s:.2g} s only, while rows come every "
+            f"{holds.interval_s:.2g} s: it is late by half of that on the mean, and in steps"
+        )
 
 
 class _Log:
@@ -88,13 +114,6 @@ class _Log:
     def turns(self, begins_s: float, period_s: float) -> NDArray[np.bool_]:
         """Tell which changes are from one hold to the next."""
         return np.asarray(np.diff(np.floor((self.t_s - begins_s) / period_s)) > 0)
-
-    def since_middle(
-        self, trial: Trial, period_s: float, interval_s: float, noise: float
-    ) -> Floats:
-        """Give the times of all rows of its trial since the middle of their hold, s."""
-        begins_s = self.begins(period_s, interval_s, noise) if self.changes.size else 0.0
-        return np.asarray((trial.t_s - begins_s) % period_s - 0.5 * period_s)
 
 
 def _period(logs: Sequence[_Log], interval_s: float, noise: float) -> float | None:

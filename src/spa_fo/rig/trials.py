@@ -22,6 +22,7 @@ from spa_fo.rig.campaign import (
 )
 from spa_fo.rig.csv_log import read_csv_log
 from spa_fo.rig.first_change import before_first_change, zero_until
+from spa_fo.rig.held_readings import held
 from spa_fo.rig.parse_report import FileReport, ParseReport, Tally
 from spa_fo.rig.plausibility import implausible
 from spa_fo.rig.protocol_check import contradiction
@@ -152,6 +153,7 @@ def read_trials(
         reports.append(report)
     check_levels(campaign, trials)
     warnings += [*overlaps(trials), *implausible(campaign, trials), *stuck(campaign, trials)]
+    warnings += held(trials)
     return CampaignData(
         campaign,
         tuple(trials),
