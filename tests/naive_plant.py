@@ -62,13 +62,13 @@ def play(signal, width, centre, wait=0.0, vented=0.0):
     return np.array(out)
 
 
-def slew(signal, rise, ratio, approach, backpressure=0.0):
+def slew(signal, rise, ratio, approach, backpressure=0.0, vent=0.0):
     out, now = [], 0.0
     for value in signal:
         rest = value - now
         rate = rise * max(1.0 - backpressure * now, 0.05)
         if rest < 0.0:
-            rate = rise * ratio * max(1.0 + backpressure * now, 0.05)
+            rate = rise * max(ratio + vent * now, 0.05 * ratio)
         now += MS * rate * math.tanh(rest / approach)
         out.append(now)
     return np.array(out)

@@ -88,8 +88,13 @@ def test_a_drive_effect_against_a_loop_of_milliseconds(name: str) -> None:
     np.testing.assert_allclose(found, slow, atol=0.12)
 
 
-def test_a_pump_slows_down_against_the_pressure() -> None:
-    changes = {"rise_kpa_s": 30.0, "backpressure_per_kpa": 0.012}
+@pytest.mark.parametrize(
+    "slower", [{"backpressure_per_kpa": 0.012}, {"fall_ratio": 0.05, "vent_per_kpa": 0.02}]
+)
+def test_a_pump_slows_down_against_the_pressure_and_a_vent_near_empty(
+    slower: dict[str, float],
+) -> None:
+    changes = {"rise_kpa_s": 30.0, **slower}
     slow = naive.slew(np.repeat(jerky(), CELL), *parameters("slew_limit", **changes).values())
     found = pressure(jerky(), vector("slew_limit", **changes))
     np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)

@@ -49,8 +49,8 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
         width, centre, kept, wait, vented = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 5]
         follow_with_play(p, starts, width, centre, kept, wait, vented, play)
     if not math.isnan(e[SLEW_LIMIT]):
-        rise, ratio, approach, backpressure = e[SLEW_LIMIT : SLEW_LIMIT + 4]
-        slew(p, starts, rise, ratio, approach, backpressure)
+        rise, ratio, approach, backpressure, vent = e[SLEW_LIMIT : SLEW_LIMIT + 5]
+        slew(p, starts, rise, ratio, approach, backpressure, vent)
     if not math.isnan(e[SUPPLY_DROOP]):
         fraction, recovery, slow, exponent, throttled, slower, steady, building = e[
             SUPPLY_DROOP : SUPPLY_DROOP + 8

@@ -26,10 +26,10 @@ EFFECT = Effect(
         shape(
             "fall_ratio",
             "1",
-            "fastest fall, as a multiple of the fastest rise",
+            "fastest fall near empty, as a multiple of the fastest rise",
             centre=1.0,
             factor=1.6,
-            low=0.1,
+            low=0.02,
             high=10.0,
         ),
         shape(
@@ -45,7 +45,13 @@ EFFECT = Effect(
         Parameter(
             *("backpressure_per_kpa", "1/kPa", 0.0, 0.012, 0.0, 0.2),
             starts=(0.0, 0.012),
-            means="part of the rate that each kPa takes of a rise, and adds to a fall",
+            means="part of the rate that each kPa takes of a rise",
+            is_addition=True,
+        ),
+        Parameter(
+            *("vent_per_kpa", "1/kPa", 0.0, 0.012, 0.0, 0.2),
+            starts=(0.0, 0.012),
+            means="what each kPa adds to the fall's multiple: a vent slows down near empty",
             is_addition=True,
         ),
     ),
@@ -57,6 +63,7 @@ EFFECT = Effect(
         "fall_ratio": 1.0,
         "approach_kpa": 0.02,
         "backpressure_per_kpa": 0.0,
+        "vent_per_kpa": 0.0,
     },
 )
 
@@ -77,7 +84,13 @@ def _left(rest: float, rate: float, approach: float) -> float:
 
 @njit
 def slew(
-    p: Floats, starts: Integers, rise: float, ratio: float, approach: float, backpressure: float
+    p: Floats,
+    starts: Integers,
+    rise: float,
+    ratio: float,
+    approach: float,
+    backpressure: float,
+    vent: float,
 ) -> None:
     """Follow the command at a limited rate, which bends off near it; exact where it is constant."""
     for trial in range(starts.size - 1):
@@ -85,11 +98,11 @@ def slew(
         for i in range(starts[trial], starts[trial + 1]):
             rest = p[i] - now
             left, at = rest, now
-            for _ in range(1 if backpressure == 0.0 else 2):  # the rate that the middle has
+            for _ in range(1 if backpressure == vent == 0.0 else 2):  # the rate of the middle
                 if rest > 0.0:
                     rate = rise * max(1.0 - backpressure * at, _LEAST)
                 else:
-                    rate = rise * ratio * max(1.0 + backpressure * at, _LEAST)
+                    rate = rise * max(ratio + vent * at, _LEAST * ratio)
                 left = _left(rest, rate, approach)
                 at = now + 0.5 * (rest - left)
             before, now = now, p[i] - left
