@@ -17,6 +17,7 @@ _QUIET = 0.25  # part of these in which nothing moves, at least
 _CLEARLY = 0.5  # times the noise of a change that motion adds to their mean square, at least
 _ALIKE = 0.25  # correlation of two successive changes below which readings may be held
 _FEWEST, _LONGEST_S = 1.9, 3.0  # rows, seconds of a hold
+_TURNS = 6.0  # from one hold to the next that make up what moves, as many alike. Assumed
 _FINER = 8.0  # by which the spectrum is finer than the longest trial's own
 _TRIED, _MULTIPLES = 6, 16  # tops of the spectrum; of the periods of those that fit
 _PHASES = (-0.5, -0.25, 0.0, 0.25, 0.5)  # about the spectrum's, in rows
@@ -67,6 +68,8 @@ def holds_of(trials: Sequence[Trial]) -> Holds | None:
     noise = float(np.quantile(np.concatenate([log.windows() for log in moving]), _QUIET))
     moved = float(np.sum(changes**2)) - noise * changes.size
     if not moved > _CLEARLY * noise * changes.size:  # nor where no angle was logged
+        return None
+    if moved**2 < _TURNS * float(np.sum(np.maximum(changes**2 - noise, 0.0) ** 2)):
         return None
     # Noise of single rows alone correlates them by -1/2.
     alike = sum(float(log.changes[1:] @ log.changes[:-1]) for log in moving)
