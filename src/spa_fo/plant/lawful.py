@@ -153,18 +153,8 @@ class LawfulChain(Chain):
     def _too_steep(self) -> TooSteep:
         return TooSteep(self.law.place)
 
-    def logged(
-        self,
-        reading: Floats,
-        effects: Floats,
-        step: Integers,
-        share: Floats,
-        trial: Integers,
-        held_s: Floats | None = None,
-    ) -> Floats:
-        """Take the reading at any samples; for the parameters see `Chain.logged`."""
-        y = super().logged(reading, effects, step, share, trial, held_s)
-        return y + self.law.of_reading(y, self.grid.orders[trial].astype(np.float64))
+    def _misread(self, reading: Floats, trial: Integers) -> Floats:
+        return reading + self.law.of_reading(reading, self.grid.orders[trial].astype(np.float64))
 
     def _of_input(self, pressure_kpa: Floats) -> Floats:
         """Give what the law adds to the pressure of each step, kPa; nothing in the rests."""

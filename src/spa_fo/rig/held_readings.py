@@ -12,12 +12,13 @@ from scipy.signal import argrelmax
 from spa_fo.arrays import Floats
 from spa_fo.rig.trial import Trial
 
+# Where no origin is said it is assumed.
 _WINDOW = 16  # changes from row to row over which their mean square is taken
 _QUIET = 0.25  # part of these in which nothing moves, at least
 _CLEARLY = 0.5  # times the noise of a change that motion adds to their mean square, at least
 _ALIKE = 0.25  # correlation of two successive changes below which readings may be held
 _FEWEST, _LONGEST_S = 1.9, 3.0  # rows, seconds of a hold
-_TURNS = 6.0  # from one hold to the next that make up what moves, as many alike. Assumed
+_TURNS = 6.0  # from one hold to the next that make up what moves, as many alike
 _FINER = 8.0  # by which the spectrum is finer than the longest trial's own
 _TRIED, _MULTIPLES = 6, 16  # tops of the spectrum; of the periods of those that fit
 _PHASES = (-0.5, -0.25, 0.0, 0.25, 0.5)  # about the spectrum's, in rows
@@ -148,10 +149,11 @@ def _periods(logs: Sequence[_Log], interval_s: float, noise: float) -> list[floa
         power += np.abs(np.fft.rfft(laid)) ** 2 / max(float(squares.sum()), 1e-30)
     frequency = np.arange(power.size) / (size * interval_s)
     # A motion is a burst, too, but has the less power the higher the frequency.
-    tops = argrelmax(power * frequency)[0]
+    clear = power * frequency
+    tops = argrelmax(clear)[0]
     tops = tops[frequency[tops] < 1.0 / (_FEWEST * interval_s)]
-    at = tops[np.argsort(-(power * frequency)[tops])[:_TRIED]]
-    before, top, after = power[at - 1], power[at], power[at + 1]
+    at = tops[np.argsort(-clear[tops])[:_TRIED]]
+    before, top, after = clear[at - 1], clear[at], clear[at + 1]
     beside = 0.5 * (before - after) / (before - 2.0 * top + after)  # of a parabola through them
     clearest_s = size * interval_s / (at + beside)
     return [_refined(logs, float(period), interval_s, noise) for period in clearest_s]
