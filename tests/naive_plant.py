@@ -133,8 +133,11 @@ def creep(signal, per_decade, typical_s, decades, step):
     return total
 
 
-def duhem(angle, width, turn, exponent, begins):
-    """Lag of the film; what is left of the way falls as r' = -r^n |θ'| / turn, stepped."""
+def duhem(angle, width, turn, exponent, begins, lens, span):
+    """Lag of the film; what is left of the way falls as r' = -r^n |θ'| / turn, stepped.
+
+    A part of its width is a parabola over the angle, 0 at 0 and at `span`.
+    """
     out, state, before = [], begins, 0.0
     for value in angle:
         for part in np.full(200, (value - before) / 200.0):
@@ -143,7 +146,11 @@ def duhem(angle, width, turn, exponent, begins):
             left = max(left - left**exponent * abs(part) / turn, 0.0)
             state = way * (1.0 - 2.0 * left) if part else state
         before = value
-        out.append(value - 0.5 * width * (state - begins))
+        wide = 1.0 - lens
+        lag = state * wide - begins * wide
+        if 0.0 < value < span:
+            lag += state * lens * (1.0 - (2.0 * value / span - 1.0) ** 2)
+        out.append(value - 0.5 * width * lag)
     return np.array(out)
 
 

@@ -158,7 +158,7 @@ def test_a_later_calibration_at_other_angles_errs_by_the_first_curve(
 def test_a_loop_is_read_as_the_curve_reads_it_that_was_drawn_through_it() -> None:
     # Only one way comes to the first angle and to the last: there the loop bends the curve.
     effects = absent()
-    effects[LIBRARY["sensor_hysteresis"].slots] = 4.2, 2.8, 0.1, 0.0
+    effects[LIBRARY["sensor_hysteresis"].slots] = 4.2, 2.8, 0.1, 0.0, 0.0, 80.0
     known = np.concatenate([np.arange(0.0, 16.0, 3.0), np.arange(12.0, -1.0, -3.0)])
     path = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise([0.0, *known])])
     read = felt_angle(path, np.zeros(path.size, dtype=np.int64), effects, Mounting().film)
@@ -176,6 +176,6 @@ def test_which_way_a_film_is_turned_after_a_calibration_nobody_knows(
     calibration: Calibration,
 ) -> None:
     effects = absent()
-    effects[LIBRARY["sensor_hysteresis"].slots] = 4.2, 2.8, 0.5, 0.4
+    effects[LIBRARY["sensor_hysteresis"].slots] = 4.2, 2.8, 0.5, 0.4, 0.0, 80.0
     _, mounting = laid_out(calibration).simulate(effects)
     assert mounting.film[0] == 0.0  # where the loop begins

@@ -33,6 +33,7 @@ from spa_fo.rig.spa_rig_log import parse_spa_rig_log
 
 GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
 CEILING_DEG = 25.0
+EVEN = {"lens": 0.0, "span_deg": 80.0}  # of a loop that is as wide everywhere
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +163,7 @@ def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(
 ) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_lag", *others))
     none = {"return_excess": 0.0, "width_deg": 0.0, "turn_deg": 3.0, "exponent": 0.8, "begins": 0.0}
-    z = point(problem, time_constant_s=0.4, second_pole=0.2, tail_share=0.0, **none)
+    z = point(problem, time_constant_s=0.4, second_pole=0.2, tail_share=0.0, **none, **EVEN)
     n, rows = problem.rows.size, problem.further[0]
     column = problem.columns(z)[:, problem.arrived]
     _, fixture = problem.predict(z)
@@ -184,7 +185,8 @@ def test_what_a_lag_leaves_to_a_dwell_is_known_by_half(
 
 def test_a_trial_may_begin_on_either_branch_of_a_loop(evidence: Evidence) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
-    z, n = point(problem, width_deg=4.0, turn_deg=3.0, exponent=1.0, begins=0.0), problem.rows.size
+    z = point(problem, width_deg=4.0, turn_deg=3.0, exponent=1.0, begins=0.0, **EVEN)
+    n = problem.rows.size
     columns = problem.columns(z)[:, problem.branch]
     assert not columns[n:].any()
     # One of the first trial, one of those that were come to alike.
@@ -213,7 +215,7 @@ def test_a_log_that_ends_under_pressure_does_not_show_how_it_was_vented() -> Non
 def test_a_loop_is_weighed_with_the_branches_that_trials_began_on(evidence: Evidence) -> None:
     problem = AngleProblem(bench_of(evidence), ("sensor_hysteresis",))
     z, b = (
-        point(problem, width_deg=4.0, turn_deg=3.0, exponent=0.8, begins=0.0),
+        point(problem, width_deg=4.0, turn_deg=3.0, exponent=0.8, begins=0.0, **EVEN),
         np.zeros(problem.size),
     )
     b[problem.branch] = [0.7, -1.5]

@@ -705,8 +705,8 @@ def test_creep_grows_and_recovers() -> None:
 def test_loops_open_and_leave_a_remnant() -> None:
     ramp = triangle()
     plain = angles(trials(ramp), absent())[0]
-    for name in ("hysteresis", "sensor_hysteresis"):
-        found = angles(trials(ramp), vector(name, begins=0.0))[0] - plain
+    for name, even in (("hysteresis", {}), ("sensor_hysteresis", {"lens": 0.0})):
+        found = angles(trials(ramp), vector(name, begins=0.0, **even))[0] - plain
         assert (found[120:240] < -0.5).all(), name
         assert (found[430:490] > 0.5).all(), name
     rubbed = angles(trials(step_release(down=6.0)), vector("hysteresis", begins=0.0))[0]
@@ -761,7 +761,7 @@ def test_a_log_that_was_cut_in_two_goes_on() -> None:
 @pytest.mark.parametrize(("begins", "least", "most"), [(-1.0, -4.1, 0.1), (1.0, -0.1, 4.1)])
 def test_a_loop_reads_nothing_where_it_begins(begins: float, least: float, most: float) -> None:
     outside = {"moment_deg": 2.0, "turn_deg": 2.0, "outside": 1.0, "begins": begins}
-    sensor = {"width_deg": 4.0, "turn_deg": 2.0, "begins": begins}
+    sensor = {"width_deg": 4.0, "turn_deg": 2.0, "begins": begins, "lens": 0.0}
     plain = angles(trials(triangle()), absent())[0]
     for name, own in (("hysteresis", outside), ("sensor_hysteresis", sensor)):
         loop = angles(trials(triangle()), vector(name, **own))[0] - plain

@@ -65,7 +65,7 @@ def test_without_bias_nothing_changes():
 
 @pytest.mark.parametrize("delay_s", [None, 0.3])
 def test_a_film_that_rests_off_zero_reads_so_from_the_first_sample(delay_s):
-    effects = vector("sensor_hysteresis", width_deg=6.0, turn_deg=8.0)
+    effects = vector("sensor_hysteresis", width_deg=6.0, turn_deg=8.0, lens=0.0)
     if delay_s is not None:
         late = vector("channel_latency", delay_s=delay_s, window_share=0.0)
         effects = np.where(np.isnan(late), effects, late)

@@ -12,21 +12,39 @@ from spa_fo.plant.effects.effect import Check, Effect, Parameter, shape
 
 
 @njit
+def opening(angle_deg: float, lens: float, span_deg: float) -> float:
+    """Give how wide a loop is at an angle, of where it is widest: a lens is shut at both ends."""
+    if lens == 0.0 or span_deg <= 0.0:
+        return 1.0 - lens
+    way = min(max(angle_deg / span_deg, 0.0), 1.0)
+    return 1.0 - lens + lens * 4.0 * way * (1.0 - way)
+
+
+@njit
 def lag_behind(
-    y: Floats, width: float, turn: float, exponent: float, begins: float, film: Floats
+    y: Floats,
+    width: float,
+    turn: float,
+    exponent: float,
+    begins: float,
+    lens: float,
+    span: float,
+    film: Floats,
 ) -> None:
     """Duhem loop: the film lags by up to width/2, turning round over `turn` degrees.
 
     What is left of the way r falls as dr/dθ = -r^exponent/turn: with 1 exponentially, with 1/2 as
     a stack of plays of all widths does (Visintin 1994, doi:10.1007/978-3-662-11557-2), and near 0
-    as one does. Its state is counted from where it begins, and what it reads there is 0.
+    as one does. Its state is counted from where it begins, and what it reads there is 0. A part
+    `lens` of its width is that of a lens, from 0 to `span` degrees.
     """
     state, before = film[0] + begins, film[1]
+    zero = begins * (1.0 - lens)
     for i in range(y.size):
         moved = y[i] - before
         before = y[i]
         if moved == 0.0:  # most of a fixture's steps: two powers would leave it where it is
-            y[i] -= 0.5 * width * (state - begins)
+            y[i] -= 0.5 * width * (state * opening(before, lens, span) - zero)
             continue
         target = 1.0 if moved > 0.0 else -1.0
         left = 0.5 * abs(target - state)
@@ -36,17 +54,23 @@ def lag_behind(
             power = left ** (1.0 - exponent) - (1.0 - exponent) * abs(moved) / turn
             left = power ** (1.0 / (1.0 - exponent)) if power > 0.0 else 0.0
         state = target * (1.0 - 2.0 * left)
-        y[i] -= 0.5 * width * (state - begins)
+        y[i] -= 0.5 * width * (state * opening(before, lens, span) - zero)
     film[0], film[1] = state - begins, before
 
 
 @njit
 def half_loop(
-    angle_deg: Floats, width: float, turn: float, exponent: float, begins: float
+    angle_deg: Floats,
+    width: float,
+    turn: float,
+    exponent: float,
+    begins: float,
+    lens: float,
+    span: float,
 ) -> Floats:
     """Give half of what the two branches differ by that a film may begin on."""
     upper, lower = angle_deg.copy(), angle_deg.copy()
-    shape = width, turn, exponent, begins
+    shape = width, turn, exponent, begins, lens, span
     lag_behind(upper, *shape, np.array([1.0 - begins, angle_deg[0]]))
     lag_behind(lower, *shape, np.array([-1.0 - begins, angle_deg[0]]))
     return 0.5 * (upper - lower)
@@ -84,6 +108,18 @@ EFFECT = Effect(
             *("begins", "1", 0.0, 0.6, -1.0, 1.0),
             starts=(0.0,),
             means="where in the loop its reading is 0, and a film without a past: -1 to 1",
+            is_addition=True,
+        ),
+        Parameter(
+            *("lens", "1", 0.0, 0.5, 0.0, 1.0),
+            starts=(0.0, 1.0),
+            means="part of its width that goes with the angle and is shut at both ends",
+            is_addition=True,
+        ),
+        Parameter(
+            *("span_deg", "deg", 80.0, 30.0, 0.0, 720.0),
+            starts=(80.0,),
+            means="angle at which that is shut again",
             is_addition=True,
         ),
     ),

@@ -143,6 +143,9 @@ def switched(time_s: Floats, since: float) -> Floats:
     return np.asarray(0.5 * (1.0 + np.tanh((time_s - since * time_s[-1]) / _SOFT_S)))
 
 
+_REACHED_KPA = 1e-12  # what is nearer is there: a vented line would fade to the least of numbers
+
+
 @njit
 def low_pass(p: Floats, starts: Integers, time_constant: float, venting_excess: float) -> None:
     """First-order lag; means over cells of an input that is constant in each.
@@ -157,6 +160,9 @@ def low_pass(p: Floats, starts: Integers, time_constant: float, venting_excess: 
         now = 0.0
         for i in range(starts[trial], starts[trial + 1]):
             distance = now - p[i]
+            if abs(distance) < _REACHED_KPA:
+                now = p[i]
+                continue
             falls = 1 if distance > 0.0 else 0
             p[i] += distance * means[falls]
             now += distance * (keeps[falls] - 1.0)

@@ -70,6 +70,7 @@ EFFECT = Effect(
 
 _LEAST = 0.05  # of the rate that a back pressure leaves. Assumed.
 _FAR = 20.0  # approaches, from which on tanh is 1
+_REACHED_KPA = 1e-12  # most cells are of a command that has been reached: there it is not solved
 
 
 @njit
@@ -97,6 +98,9 @@ def slew(
         now = 0.0
         for i in range(starts[trial], starts[trial + 1]):
             rest = p[i] - now
+            if abs(rest) < _REACHED_KPA:
+                now = p[i]
+                continue
             left, at = rest, now
             for _ in range(1 if backpressure == vent == 0.0 else 2):  # the rate of the middle
                 if rest > 0.0:
