@@ -70,17 +70,28 @@ EFFECT = Effect(
 
 _LEAST = 0.05  # of the rate that a back pressure leaves. Assumed.
 _FAR = 20.0  # approaches, from which on tanh is 1
+_NEAR = 0.03  # approaches, within which a series errs by less than 1e-10 of them
 _REACHED_KPA = 1e-12  # most cells are of a command that has been reached: there it is not solved
 
 
 @njit
-def _left(rest: float, rate: float, approach: float) -> float:
-    """Solve e' = -rate tanh(e/approach) over a cell: sinh(e/approach) falls exponentially."""
-    far, passed = abs(rest) / approach, rate * FINEST_STEP_S / approach
+def _left(rest: float, passed: float, kept: float, approach: float) -> float:
+    """Solve e' = -rate tanh(e/approach) over a cell: sinh(e/approach) falls exponentially.
+
+    `passed` is rate·cell/approach, and `kept` exp(-passed). Near the command by a series, as most
+    cells are: a third of the time.
+    """
+    far = abs(rest) / approach
+    if far < _NEAR:
+        return rest * kept * (1.0 + far * far * (1.0 - kept * kept) / 6.0)
     if far - passed > _FAR:
         return math.copysign((far - passed) * approach, rest)
-    grown = 0.5 * math.exp(far - passed) * -math.expm1(-2.0 * far)
-    return math.copysign(math.asinh(grown) * approach, rest)
+    if far > _FAR:
+        grown = 0.5 * math.exp(far - passed)
+    else:
+        e = math.exp(far)
+        grown = 0.5 * (e - 1.0 / e) * kept
+    return math.copysign(math.log(grown + math.sqrt(1.0 + grown * grown)) * approach, rest)
 
 
 @njit
@@ -94,6 +105,7 @@ def slew(
     vent: float,
 ) -> None:
     """Follow the command at a limited rate, which bends off near it; exact where it is constant."""
+    cell = rise * FINEST_STEP_S / approach
     for trial in range(starts.size - 1):
         now = 0.0
         for i in range(starts[trial], starts[trial + 1]):
@@ -102,12 +114,13 @@ def slew(
                 now = p[i]
                 continue
             left, at = rest, now
-            for _ in range(1 if backpressure == vent == 0.0 else 2):  # the rate of the middle
-                if rest > 0.0:
-                    rate = rise * max(1.0 - backpressure * at, _LEAST)
-                else:
-                    rate = rise * max(ratio + vent * at, _LEAST * ratio)
-                left = _left(rest, rate, approach)
+            if rest > 0.0:
+                least, most, more = _LEAST, 1.0, -backpressure
+            else:
+                least, most, more = _LEAST * ratio, ratio, vent
+            for _ in range(1 if more == 0.0 else 2):  # the rate of the middle
+                passed = cell * max(most + more * at, least)
+                left = _left(rest, passed, math.exp(-passed), approach)
                 at = now + 0.5 * (rest - left)
             before, now = now, p[i] - left
             p[i] = 0.5 * (before + now)
