@@ -183,6 +183,22 @@ def test_a_command_no_pump_could_mean(tmp_path: Path) -> None:
     assert data.trials[1].command_kpa.max() == 20.0
 
 
+def test_a_line_that_lost_two_equal_bytes_passes_its_checksum(tmp_path: Path) -> None:
+    """And its command is that of no other row."""
+    data = read(with_trial(tmp_path, edited({100: {2: "0.00"}})))
+    damaged = data.report.files[-1].damaged["command for one row"]
+    assert (damaged.first_lines, data.trials[1].protocol) == ((102,), "step")
+    assert data.trials[1].command_kpa is not None
+    assert set(data.trials[1].command_kpa.tolist()) == {0.0, 20.0}
+    assert data.trials[1].t_s.size == data.trials[0].t_s.size - 1
+
+
+def test_a_free_command_may_change_for_one_row(tmp_path: Path) -> None:
+    data = read(with_trial(tmp_path, edited({100: {2: "0.00"}}), protocol="free"))
+    assert not data.report.files[-1].damaged
+    assert data.trials[1].t_s.size == data.trials[0].t_s.size
+
+
 def test_a_log_may_hold_the_angle_itself(tmp_path: Path) -> None:
     document: dict[str, Any] = naive_rig.description()
     del document["calibration"]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from spa_fo.arrays import Floats
+from spa_fo.arrays import Bools, Floats
 
 _MOVING = 0.005  # of the command's range, from one sample to the next
 _CHANGE = 0.05  # of the range: the smallest change that counts
 _SLOW_S = 2.0  # a change that takes this long is a ramp
 _PLATEAU_S = 0.25  # changes nearer to each other than this are one
+_AWAY = 5.0  # times what two rows to either side differ by: one that is farther off stands alone
 
 
 def command_changes(t_s: Floats, command_kpa: Floats) -> Floats:
@@ -34,6 +35,23 @@ def command_changes(t_s: Floats, command_kpa: Floats) -> Floats:
         if times[-1] - times[0] < _SLOW_S
     ]
     return np.array([size for size in changes if abs(size) > _CHANGE * span], dtype=np.float64)
+
+
+def lone_rows(command_kpa: Floats) -> Bools:
+    """Find commands of a single row, far off two alike rows to either side.
+
+    A line that lost two equal bytes passes its checksum: 88.61 becomes .61.
+    """
+    found = np.zeros(command_kpa.shape, dtype=np.bool_)
+    if command_kpa.size < 5:
+        return found
+    about = np.lib.stride_tricks.sliding_window_view(command_kpa, 5)
+    beside = np.delete(about, 2, axis=1)
+    low, high = beside.min(axis=1), beside.max(axis=1)
+    away = np.maximum(low - about[:, 2], about[:, 2] - high)
+    least = _CHANGE * float(np.abs(command_kpa).max())
+    found[2:-2] = away > np.maximum(_AWAY * (high - low), least)
+    return found
 
 
 def contradiction(protocol: str, t_s: Floats, command_kpa: Floats) -> str | None:

@@ -25,7 +25,7 @@ from spa_fo.rig.first_change import before_first_change, zero_until
 from spa_fo.rig.held_readings import held
 from spa_fo.rig.parse_report import FileReport, ParseReport, Tally
 from spa_fo.rig.plausibility import implausible
-from spa_fo.rig.protocol_check import contradiction
+from spa_fo.rig.protocol_check import contradiction, lone_rows
 from spa_fo.rig.spa_rig_log import read_spa_rig_log
 from spa_fo.rig.stuck import stuck
 from spa_fo.rig.trial import Trial
@@ -136,6 +136,7 @@ def read_trials(
     lies: dict[str, str] = {}  # by experiment
     for experiment, _, file in campaign.trial_files():
         samples = _plausible(_read_samples(campaign, file, converter), campaign)
+        samples = _without_lone_rows(samples, campaign, experiment)
         if curve is not None:
             samples = _within(curve, samples, file, warnings)
         lie = _contradicted(campaign, experiment, samples)
@@ -279,6 +280,14 @@ def _plausible(samples: _Samples, campaign: Campaign) -> _Samples:
     if samples.t_s.size < 2:
         raise BadInput(campaign.folder / samples.report.file, "holds fewer than 2 valid samples")
     return samples
+
+
+def _without_lone_rows(samples: _Samples, campaign: Campaign, experiment: Experiment) -> _Samples:
+    """Leave out rows whose command is another for that row alone; a free one may mean them."""
+    said = campaign.log.format == "spa-rig" and experiment.protocol != "free"
+    if not said or samples.command_kpa is None:
+        return samples
+    return samples.without(lone_rows(samples.command_kpa), "command for one row")
 
 
 def dropouts(reading: Floats) -> Bools:
