@@ -43,8 +43,8 @@ def lag(signal, time_constant_s, second_pole, tail_share, venting_excess=0.0, or
     return (1.0 - orifice_share) * linear + orifice_share * rooted
 
 
-def play(signal, width, centre, wait=0.0, vented=0.0):
-    out, position, told, rises, until, before = [], 0.0, 0.0, False, 0.0, 0.0
+def play(signal, width, centre, wait=0.0, vented=0.0, vent_s=0.0):
+    out, position, told, rises, until, before, rest = [], 0.0, 0.0, False, 0.0, 0.0, 0.0
     for number, value in enumerate(signal):
         if value != told:
             if (value > told) != rises:
@@ -56,7 +56,9 @@ def play(signal, width, centre, wait=0.0, vented=0.0):
             if position > value + width * centre:
                 position = value + width * centre
         if value <= 0.0 < before:
-            position *= 1.0 - vented
+            rest = (1.0 - vented) * position
+        if value <= 0.0 and position > rest:
+            position = rest if vent_s == 0.0 else position - (position - rest) * MS / vent_s
         before = value
         out.append(position)
     return np.array(out)

@@ -33,7 +33,7 @@ from spa_fo.gap.claim.claimed import (
     too_small_for_any,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
-from spa_fo.gap.diagnose import _alone_does
+from spa_fo.gap.diagnose import _alone_does, _is_doubtful
 from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.coloured import Scatter, Spectrum, level_spread
@@ -474,6 +474,15 @@ def test_a_law_alone_that_closes_less_than_beside_a_part_does_not() -> None:
     beside = Missing((law(0.9, slip),), slip, 0.3)
     assert not _alone_does(Missing((law(0.6, ()),), (), 0.0), beside, False)
     assert not _alone_does(Missing(), beside, False)
+
+
+@pytest.mark.parametrize(("part", "doubtful"), [(0.35, False), (0.2, True)])
+def test_what_is_clearly_less_probable_than_an_unknown_cause_is_no_part(
+    part: float, doubtful: bool
+) -> None:
+    verdict = answer({("creep",): part, ("leak",): 0.05}, 0.5)
+    assert (verdict.kind, verdict.sets) == ("unknown", (("creep",),))
+    assert _is_doubtful(verdict) is doubtful
 
 
 def test_what_is_refuted_is_shared_by_what_else_is_probable() -> None:

@@ -126,9 +126,13 @@ def test_a_walk_is_found() -> None:
     assert np.median(nats) > 3.0
 
 
-def test_a_few_repeats_say_nothing() -> None:
-    few = seen(np.array([0.0, 0.0, 9.0, 9.0]), 2)
-    nats, zeros = jumps(*few, ORDINARY_DEG)
+def test_a_few_repeats_say_it_where_no_bench_scatters_so() -> None:
+    def few(apart_deg: float) -> float:
+        return jumps(*seen(np.array([0.0, 0.0, apart_deg, apart_deg]), 2), ORDINARY_DEG)[0]
+
+    assert abs(few(ORDINARY_DEG)) < 1.0
+    assert few(9.0) > 3.0
+    nats, zeros = jumps(np.zeros(0), np.zeros(0), np.zeros((0, 4)), ORDINARY_DEG)
     assert nats == 0.0
     assert not zeros.any()
 

@@ -75,7 +75,7 @@ DRIVES = {
     "leak": lambda s, p: naive.leak(s, *p.values()),
     "slew_limit": lambda s, p: naive.slew(s, *p.values()),
     "drive_backlash": lambda s, p: naive.play(
-        s, p["play_kpa"], p["centre"], p["wait_s"], p["vented"]
+        s, p["play_kpa"], p["centre"], p["wait_s"], p["vented"], p["vent_s"]
     ),
 }
 
@@ -201,11 +201,13 @@ def test_a_pump_with_play_may_be_vented_where_its_command_comes_to_nothing(vente
     left = 2.0 * (1.0 - vented)
     assert found.tolist() == [0.0, 28.0, 12.0, left, left, 28.0, left]
     assert resting_kpa(4.0, 0.5, 1.0, vented) == left
-    slow = DRIVES["drive_backlash"](
-        np.repeat(jerky(), CELL), parameters("drive_backlash", vented=vented)
-    )
-    found = pressure(jerky(), vector("drive_backlash", vented=vented))
-    np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)
+    for vent_s in (0.0, 0.3):
+        own = {"vented": vented, "vent_s": vent_s}
+        slow = DRIVES["drive_backlash"](
+            np.repeat(jerky(), CELL), parameters("drive_backlash", **own)
+        )
+        found = pressure(jerky(), vector("drive_backlash", **own))
+        np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)
 
 
 def test_play_leaves_pressure_in_the_actuator_between_trials() -> None:
@@ -553,10 +555,17 @@ def soft_minimum(angle: float, ceiling: float, knee: float) -> float:
     return -unit * float(np.logaddexp(-angle / unit, -ceiling / unit))
 
 
+def film_crept(angle: np.ndarray, p: dict[str, float]) -> np.ndarray:
+    """Creep of an angle that counts the more the larger it is: as much as it is at 60 deg."""
+    *of_time, growth = p.values()
+    felt = np.sign(angle) * 60.0 * (np.abs(angle) / 60.0) ** (1.0 + growth)
+    return angle + naive.creep(felt, *of_time, FINEST_STEP_S)
+
+
 SENSORS = {
     "sensor_nonlinearity": lambda y, p: naive.curve(y, *curve_of(p)),
     "sensor_hysteresis": lambda y, p: naive.duhem(y, *p.values()),
-    "sensor_creep": lambda y, p: y + naive.creep(y, *p.values(), FINEST_STEP_S),
+    "sensor_creep": film_crept,
     "sensor_lag": low_passed,
     "sensor_saturation": lambda y, p: np.array(
         [soft_minimum(a, p["ceiling_deg"], p["knee_deg"]) for a in y]

@@ -315,16 +315,27 @@ def _gap_deg(examined: Examined, claimed: Claim) -> float:
 
 
 def _with_laws(answer: Answer, seed: int, progress: Progress) -> tuple[Answer, Missing]:
-    """Look for what has no name; a part beside which a law does no better than alone is none."""
+    """Look for what has no name; a part beside which a law does no better than alone is none.
+
+    Nor is one that is clearly less probable than an unknown cause: what it closes on one motion it
+    may well not on another. Of a change a part says where it is, so it stays.
+    """
     examined, claimed, verdict = answer
     missing = _missing(examined, verdict, claimed, progress)
     if verdict.kind != "unknown" or not verdict.sets:
         return answer, missing
     bare = replace(verdict, sets=())
     alone = _missing(examined, bare, claimed, progress)
-    if not _alone_does(alone, missing, examined.found.bench.noise.compared):
+    compared = examined.found.bench.noise.compared
+    doubtful = not compared and _is_doubtful(verdict)
+    if not (doubtful or _alone_does(alone, missing, compared)):
         return answer, missing
     return (examined, claim(examined, bare, np.random.default_rng(seed)), bare), alone
+
+
+def _is_doubtful(verdict: Verdict) -> bool:
+    """Say whether an unknown cause is clearly more probable than the part that has a name."""
+    return verdict.of(verdict.sets[0]).probability < SETTINGS.doubt * verdict.unknown
 
 
 def _alone_does(alone: Missing, beside: Missing, compared: bool) -> bool:

@@ -22,7 +22,7 @@ _SHIFT_DEG = np.geomspace(0.1, 10.0, 7)
 _WALK_DEG = np.geomspace(0.05, 3.0, 6)
 _MOST_IS = 2.0  # standard deviations of what is said of an ordinary scatter
 _TREND = 3.0  # scatters that zeros may go with their order by
-_FEWEST = 3  # contrasts, which a jump and a scatter take two of
+_FEWEST = 3  # contrasts, of which a trend and a scatter take
 
 
 def of_order(
@@ -80,7 +80,7 @@ def jumps(
         Log evidence that zeros move, against scatter and a trend alone; what they are if so.
     """
     trials = between.shape[1]
-    if values.size < _FEWEST:
+    if not values.size:
         return 0.0, np.zeros(trials)
     after = np.tri(trials)[:, 1:]
     trend = between @ trend_shapes(trials)

@@ -15,12 +15,12 @@ import numpy as np
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.contact_stop import contact_moment
-from spa_fo.plant.effects.creep import crept, driving
+from spa_fo.plant.effects.creep import crept
 from spa_fo.plant.effects.gravity_load import weight_moment
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS, soften, virgin_moment
-from spa_fo.plant.effects.shared import CREEP_TIMES_S, creep_sizes
+from spa_fo.plant.effects.shared import CREEP_TIMES_S, creep_sizes, driving
 from spa_fo.plant.effects.stiffening import stiffening_moment
 from spa_fo.plant.effects.thermal_drift import drifted_gain
 from spa_fo.plant.memory import LEVELS, STEPS_S, Complexes, coast, keep_modes, push, stepper
@@ -36,6 +36,8 @@ THERMAL_DRIFT = LIBRARY["thermal_drift"].first
 _NEWTON = 6
 # rad. A step of Newton leaves an error of the order of its square, where levels soften 1e-7 deg.
 _SETTLED = 1e-6
+
+_CREEP_AT = math.radians(60.0)
 
 _STEEP = 0.2  # of a step's equation over the angle: what is less is hardly solved
 
@@ -203,7 +205,7 @@ def move(
         out[i] = angle + known
         if creeping:
             towards = static * u + by_angle * (angle - static * u)
-            pulls = driving(towards, growth)
+            pulls = driving(towards, growth, _CREEP_AT)
             out[i] += crept(creep, creep_keep[level[i]], creep_size, pulls)
         if rubbing:
             out[i] -= outside * friction(0.0, stops, radii, begins)[0]

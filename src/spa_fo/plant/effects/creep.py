@@ -7,12 +7,10 @@ Lai and Onaran 1976, Creep and Relaxation of Nonlinear Viscoelastic Materials).
 
 from __future__ import annotations
 
-import math
-
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats
 from spa_fo.plant.effects.effect import Effect, Parameter
-from spa_fo.plant.effects.shared import spectrum
+from spa_fo.plant.effects.shared import GROWTH, spectrum
 
 EFFECT = Effect(
     id="creep",
@@ -26,12 +24,7 @@ EFFECT = Effect(
             means="part of it that goes with the angle and not with the load",
             is_addition=True,
         ),
-        Parameter(
-            *("growth", "1", 0.0, 0.5, 0.0, 2.0),
-            starts=(0.0,),
-            means="by which power more than the load it grows; its size is that at 60 deg",
-            is_addition=True,
-        ),
+        GROWTH,
     ),
     name="creep of the material",
     means="the angle keeps growing slowly under held load and comes back at rest",
@@ -39,15 +32,6 @@ EFFECT = Effect(
     filter="creep",
     shown_in=("release", "hold"),
 )
-
-
-_REFERENCE = math.radians(60.0)
-
-
-@njit
-def driving(towards: float, growth: float) -> float:
-    """Give the angle (rad) that creep is a share of, of one that it would be if it were linear."""
-    return towards * (abs(towards) / _REFERENCE) ** growth if growth > 0.0 else towards
 
 
 @njit

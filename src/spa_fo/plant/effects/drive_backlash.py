@@ -12,6 +12,7 @@ from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, share
 from spa_fo.plant.memory import FINEST_STEP_S
 
 _TURNS = 0.005  # of the largest command: a logged one that goes back by less has not turned
+_GONE_KPA = 1e-12
 
 EFFECT = Effect(
     id="drive_backlash",
@@ -48,6 +49,12 @@ EFFECT = Effect(
             means="part of the pressure that is let out where the command comes to 0, by a valve",
             is_addition=True,
         ),
+        Parameter(
+            *("vent_s", "s", 0.0, 0.1, 0.0, 2.0),
+            starts=(0.0,),
+            means="time in which most of that is let out",
+            is_addition=True,
+        ),
     ),
     name="backlash of the drive",
     means="after a reversal of the command the pressure waits, as in a spindle or a dead band",
@@ -65,20 +72,26 @@ def follow_with_play(
     kept: float,
     wait: float,
     vented: float,
+    vent_s: float,
     play: Floats,
 ) -> None:
     """Play operator: the pressure stays between command - width(1 - centre) and + width·centre.
 
     After a reversal, and where a trial's command first moves, it stays for `wait`, s, as well; a
-    command that comes to 0 lets out the part `vented` of it at once.
+    command that comes to 0 lets out the part `vented` of it, exponentially with the time `vent_s`.
     `play` is the position, kPa, and whether there is any; carried on in place. Of it a trial,
     whose first cell is in `starts`, begins with the part `kept`.
     """
     position, cells = play[0], wait / FINEST_STEP_S
     least = _TURNS * np.abs(p).max() if p.size else 0.0
-    idle = True
+    idle, letting = True, 0.0  # what is still to be let out
+    keep, mean = 0.0, 0.0  # of that, after a cell and over it
+    if vent_s > 0.0:
+        keep = math.exp(-FINEST_STEP_S / vent_s)
+        mean = (1.0 - keep) * vent_s / FINEST_STEP_S
     for trial in range(starts.size - 1):
         position *= kept
+        letting *= kept
         farthest, way, since = 0.0, 0.0, cells
         for i in range(starts[trial], starts[trial + 1]):
             told = p[i]
@@ -92,12 +105,17 @@ def follow_with_play(
             before = position
             if follows > 0.0:
                 position = min(max(position, told - width * (1.0 - centre)), told + width * centre)
-            if abs(told) > least:
-                idle = False
-            elif not idle:
-                idle = True
-                position, before = (1.0 - vented) * position, (1.0 - vented) * before
             p[i] = before + follows * (position - before)
+            if abs(told) > least:
+                idle, letting = False, 0.0
+                continue
+            if not idle:
+                idle, letting = True, vented * position
+            if abs(letting) > _GONE_KPA:
+                letting = math.copysign(min(abs(letting), vented * abs(position)), position)
+                p[i] = position - letting * (1.0 - mean)
+                position -= letting * (1.0 - keep)
+                letting *= keep
     play[0] = position
     play[1] = 1.0
 

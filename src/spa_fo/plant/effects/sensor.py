@@ -52,7 +52,7 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
         lag_behind(y, e[k], e[k + 1], e[k + 2], e[k + 3], e[k + 4], e[k + 5], film)
     if not math.isnan(e[SENSOR_CREEP]):
         size = creep_sizes(e[SENSOR_CREEP], e[SENSOR_CREEP + 1], e[SENSOR_CREEP + 2])
-        drift_on(y, level, size, film[4 : 4 + size.size])
+        drift_on(y, level, size, e[SENSOR_CREEP + 3], film[4 : 4 + size.size])
     if not math.isnan(e[SENSOR_LAG]):
         share, excess = e[SENSOR_LAG + 2], e[SENSOR_LAG + 3]
         slow, fast, latest = poles(e[SENSOR_LAG], e[SENSOR_LAG + 1], share)

@@ -9,14 +9,16 @@ import numpy as np
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Check, Effect
-from spa_fo.plant.effects.shared import CREEP_TIMES_S, spectrum
+from spa_fo.plant.effects.shared import CREEP_TIMES_S, GROWTH, driving, spectrum
 from spa_fo.plant.memory import LEVELS, STEPS_S
+
+_REFERENCE_DEG = 60.0
 
 EFFECT = Effect(
     id="sensor_creep",
     stage="sensor",
     place="relaxation",
-    parameters=spectrum(low=-0.3),
+    parameters=(*spectrum(low=-0.3), GROWTH),
     name="creep of the sensor",
     means="the reading keeps drifting while the angle is held",
     remedy="calibrate with long dwells, and check one hold against a video or a protractor",
@@ -33,15 +35,15 @@ EFFECT = Effect(
 
 
 @njit
-def drift_on(y: Floats, level: Integers, size: Floats, state: Floats) -> None:
+def drift_on(y: Floats, level: Integers, size: Floats, growth: float, state: Floats) -> None:
     """Add what the film's elements have crept; `state` is carried on in place."""
     keep = np.empty((LEVELS, state.size))
     for j in range(state.size):
         for k in range(LEVELS):
             keep[k, j] = math.exp(-STEPS_S[k] / CREEP_TIMES_S[j])
     for i in range(y.size):
-        total = y[i]
+        total, towards = y[i], driving(y[i], growth, _REFERENCE_DEG)
         for j in range(state.size):
-            state[j] += (1.0 - keep[level[i], j]) * (size[j] * y[i] - state[j])
+            state[j] += (1.0 - keep[level[i], j]) * (size[j] * towards - state[j])
             total += state[j]
         y[i] = total

@@ -47,6 +47,14 @@ SINCE = shape(
     starts=tuple(np.linspace(0.02, 0.98, 49).tolist()),  # a score test looks at each
 )
 """The moment that an effect begins at."""
+GROWTH = Parameter(
+    *("growth", "1", 0.0, 0.5, 0.0, 2.0),
+    starts=(0.0,),
+    means="by which power more than what drives it it grows; its size is that at 60 deg",
+    is_addition=True,
+)
+"""How creep grows faster than what drives it, as polymers do beyond small strains."""
+
 _DECADE = 0.5  # of creep time that one element stands for
 
 
@@ -95,6 +103,12 @@ def creep_sizes(per_decade: float, typical_s: float, decades: float) -> Floats:
         away = math.log10(CREEP_TIMES_S[j] / typical_s) / decades
         sizes[j] = per_decade * _DECADE * math.exp(-0.5 * away * away)
     return sizes
+
+
+@njit
+def driving(towards: float, growth: float, at: float) -> float:
+    """Give the angle that creep is a share of: `towards` where linear, and alike there `at` it."""
+    return towards * (abs(towards) / at) ** growth if growth > 0.0 else towards
 
 
 _TAIL = 4.0  # times as late as the rest. Assumed, as a sensor's of one rig that was opened.
