@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 from scipy.special import expit, logsumexp
 
-from spa_fo.gap.data.evidence import Evidence, modelled_pressure
+from spa_fo.gap.data.evidence import Evidence, modelled_pressure, noise_floor
 from spa_fo.gap.decide.part import (
     Part,
     Sizes,
@@ -188,7 +188,9 @@ def decide(
         By how much the angle moves with what is to be expected of the pressure, where that is
         known; else the noise floor counts for the drive, too.
     """
-    sizes = floor_deg, _OF_BENCH * floor_deg, _OF_BENCH * floor_deg
+    # By how much a set lets repeats differ hides no drive.
+    beside = _floor_beside(found, evidence, floor_deg)
+    sizes = beside, _OF_BENCH * beside, _OF_BENCH * beside
     if drive_floor_deg is not None:
         sizes = drive_floor_deg, _BOTH * drive_floor_deg, SETTINGS.no_gap * drive_floor_deg
     angle, of_angle, unknown_angle = _normalised(_of_angle(found, floor_deg), floor_deg)
@@ -207,6 +209,13 @@ def decide(
     scored = [replace(one, probability=joint[named]) for named, one in made.items()]
     share = unknown_drive / max(unknown_drive + unknown_angle + unknown_line, 1e-12)
     return judge(scored, 1.0 - certain, share)
+
+
+def _floor_beside(found: Explanations, evidence: Evidence, floor_deg: float) -> float:
+    """Give the noise floor beside the best explanation of the angle, deg."""
+    known = [f for f in found.fits.values() if np.isfinite(f.logs).all()]
+    best = max(known, key=lambda f: float(f.logs.max()), default=found.plain)
+    return min(floor_deg, noise_floor(evidence, best.predicted_deg, floor_deg))
 
 
 def decide_drive(
