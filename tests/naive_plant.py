@@ -105,12 +105,13 @@ def droop(
     return np.array(out)
 
 
-def leak(signal, rate, makeup, vented_share, renewal, below_share):
+def leak(signal, rate, makeup, vented_share, renewal, below_share, kept_share):
     out, lost, before = [], 0.0, 0.0
     for value in signal:
         if 0.0 <= value < before:  # a part of what is lost goes out with what is vented
             lost = (1.0 - vented_share) * lost + vented_share * lost * value / before
-        lost /= math.exp(renewal * abs(value - before))
+        if value != before:
+            lost -= (1.0 - kept_share) * lost * (1.0 - math.exp(-renewal * abs(value - before)))
         before = value
         above = max(value, 0.0) - lost
         lost += MS * (rate * above - makeup * lost)

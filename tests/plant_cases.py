@@ -44,6 +44,7 @@ SIZES: dict[str, dict[str, float]] = {
         "vented_share": 0.6,
         "renewal_per_kpa": 0.02,
         "below_share": 0.4,
+        "kept_share": 0.3,
     },
     "slew_limit": {"rise_kpa_s": 60.0, "fall_ratio": 0.7, "approach_kpa": 3.0},
     "drive_backlash": {

@@ -147,7 +147,7 @@ def test_the_first_move_of_a_trial_waits_whichever_way_it_goes(idle: float, sign
 
 def test_a_leak_is_made_good_where_the_command_changes() -> None:
     """At each level anew, and all along a ramp."""
-    effects = vector("leak", rate_per_s=0.05, makeup_per_s=0.0, renewal_per_kpa=5.0)
+    effects = vector("leak", rate_per_s=0.05, makeup_per_s=0.0, renewal_per_kpa=5.0, kept_share=0.0)
     lost = jerky() - pressure(jerky(), effects)
     held = math.expm1(-0.05 * 60 * CELL * 1e-3)
     for level, last in ((20.0, 119), (50.0, 179), (30.0, 239)):

@@ -50,6 +50,13 @@ EFFECT = Effect(
             is_addition=True,
             two_forms=True,
         ),
+        Parameter(
+            *("kept_share", "1", 0.0, 0.2, 0.0, 1.0),
+            starts=(0.0,),
+            means="part of the loss that a change leaves, however large: the valve shuts again "
+            "before all is made good",
+            is_addition=True,
+        ),
     ),
     name="leak",
     means="pressure is lost while the command is held",
@@ -68,23 +75,25 @@ def lose(
     vented: float,
     renewal: float,
     below: float,
+    kept: float,
 ) -> None:
     """Lose pressure in proportion to itself; the supply makes good in proportion to the loss.
 
-    Of the loss a change of what the supply gives by Δ kPa leaves exp(-renewal·Δ). Below the
+    Of the loss a change of what the supply gives by Δ kPa leaves the part `kept`, and of the rest
+    exp(-renewal·Δ). Below the
     atmosphere air leaks in as it leaks out above, and a part `below` of what is missing there is
     left by what else lets it in for a second.
     """
-    kept = below**FINEST_STEP_S
+    still_below = below**FINEST_STEP_S
     for trial in range(starts.size - 1):
         lost = before = 0.0
         for i in range(starts[trial], starts[trial + 1]):
             if 0.0 <= p[i] < before:
                 lost *= 1.0 - vented * (1.0 - p[i] / before)
-            lost *= math.exp(-renewal * abs(p[i] - before))
+            lost *= kept + (1.0 - kept) * math.exp(-renewal * abs(p[i] - before))
             before = p[i]
             given = max(p[i], 0.0)
             lost += FINEST_STEP_S * (rate * (given - lost) - makeup * lost)
             if lost > given:
-                lost = given + kept * (lost - given)
+                lost = given + still_below * (lost - given)
             p[i] -= lost
