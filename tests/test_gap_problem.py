@@ -149,7 +149,7 @@ def test_a_wrong_mark_is_in_both_ways_alike(evidence: Evidence) -> None:
 def test_a_weight_hangs_in_a_fit_as_in_a_prediction(evidence: Evidence) -> None:
     problem = AngleProblem(bench_of(evidence), ("gravity_load", "sensor_creep"))
     weight = {"along_rest": -0.1, "across_rest": -0.1, "at_rest": -0.1}
-    z = point(problem, **weight, per_decade=0.1, typical_s=6.0, decades=0.8)
+    z = point(problem, **weight, per_decade=0.1, typical_s=6.0, decades=0.8, growth=0.0)
     e = problem.effects(z)
     chain = problem.chain.mounted(problem.in_fixture(e)[1])
     predicted, _ = chain.run(to_x(z[:5]), e)
