@@ -70,7 +70,7 @@ EFFECT = Effect(
 
 _LEAST = 0.05  # of the rate that a back pressure leaves. Assumed.
 _FAR = 20.0  # approaches, from which on tanh is 1
-_NEAR = 0.03  # approaches, within which a series errs by less than 1e-10 of them
+_NEAR = 0.03  # approaches, within which a series errs by less than 3e-10 of them
 _REACHED_KPA = 1e-12  # most cells are of a command that has been reached: there it is not solved
 
 
@@ -79,7 +79,7 @@ def _left(rest: float, passed: float, kept: float, approach: float) -> float:
     """Solve e' = -rate tanh(e/approach) over a cell: sinh(e/approach) falls exponentially.
 
     `passed` is rate·cell/approach, and `kept` exp(-passed). Near the command by a series, as most
-    cells are: a third of the time.
+    cells are: two thirds of the time.
     """
     far = abs(rest) / approach
     if far < _NEAR:
