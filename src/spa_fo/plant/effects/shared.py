@@ -107,7 +107,7 @@ def creep_sizes(per_decade: float, typical_s: float, decades: float) -> Floats:
 
 @njit
 def driving(towards: float, growth: float, at: float) -> float:
-    """Give the angle that creep is a share of; without growth, and where that is `at`, `towards`."""
+    """Give the angle that creep is a share of: `towards` itself without growth, and `at` there."""
     return towards * (abs(towards) / at) ** growth if growth > 0.0 else towards
 
 
