@@ -321,15 +321,14 @@ def _with_laws(answer: Answer, seed: int, progress: Progress) -> tuple[Answer, M
     may well not on another. Of a change a part says where it is, so it stays.
     """
     examined, claimed, verdict = answer
-    missing = _missing(examined, verdict, claimed, progress)
     if verdict.kind != "unknown" or not verdict.sets:
-        return answer, missing
-    bare = replace(verdict, sets=())
+        return answer, _missing(examined, verdict, claimed, progress)
+    bare, compared = replace(verdict, sets=()), examined.found.bench.noise.compared
     alone = _missing(examined, bare, claimed, progress)
-    compared = examined.found.bench.noise.compared
-    doubtful = not compared and _is_doubtful(verdict)
-    if not (doubtful or _alone_does(alone, missing, compared)):
-        return answer, missing
+    if compared or not _is_doubtful(verdict):
+        beside = _missing(examined, verdict, claimed, progress)
+        if not _alone_does(alone, beside, compared):
+            return answer, beside
     return (examined, claim(examined, bare, np.random.default_rng(seed)), bare), alone
 
 

@@ -10,7 +10,7 @@ _MOVING = 0.005  # of the command's range, from one sample to the next
 _CHANGE = 0.05  # of the range: the smallest change that counts
 _SLOW_S = 2.0  # a change that takes this long is a ramp
 _PLATEAU_S = 0.25  # changes nearer to each other than this are one
-_AWAY = 5.0  # times what two rows to either side differ by: one that is farther off stands alone
+_AWAY = 5.0  # times what two rows to either side differ by, from which on one is alone. Assumed.
 
 
 def command_changes(t_s: Floats, command_kpa: Floats) -> Floats:
@@ -49,7 +49,7 @@ def lone_rows(command_kpa: Floats) -> Bools:
     beside = np.delete(about, 2, axis=1)
     low, high = beside.min(axis=1), beside.max(axis=1)
     away = np.maximum(low - about[:, 2], about[:, 2] - high)
-    least = _CHANGE * float(np.abs(command_kpa).max())
+    least = _CHANGE * float(np.ptp(command_kpa))
     found[2:-2] = away > np.maximum(_AWAY * (high - low), least)
     return found
 

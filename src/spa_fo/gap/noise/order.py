@@ -22,7 +22,7 @@ _SHIFT_DEG = np.geomspace(0.1, 10.0, 7)
 _WALK_DEG = np.geomspace(0.05, 3.0, 6)
 _MOST_IS = 2.0  # standard deviations of what is said of an ordinary scatter
 _TREND = 3.0  # scatters that zeros may go with their order by
-_FEWEST = 3  # contrasts, of which a trend and a scatter take
+_FEWEST = 3  # contrasts that say something of a trend, which takes two
 
 
 def of_order(

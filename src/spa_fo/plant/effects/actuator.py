@@ -20,7 +20,7 @@ from spa_fo.plant.effects.gravity_load import weight_moment
 from spa_fo.plant.effects.hysteresis import STOPS, friction, rub, stop_radii
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.plant.effects.mullins_softening import MULLINS_LEVELS, soften, virgin_moment
-from spa_fo.plant.effects.shared import CREEP_TIMES_S, creep_sizes, driving
+from spa_fo.plant.effects.shared import CREEP_AT_DEG, CREEP_TIMES_S, creep_sizes, driving
 from spa_fo.plant.effects.stiffening import stiffening_moment
 from spa_fo.plant.effects.thermal_drift import drifted_gain
 from spa_fo.plant.memory import LEVELS, STEPS_S, Complexes, coast, keep_modes, push, stepper
@@ -37,7 +37,7 @@ _NEWTON = 6
 # rad. A step of Newton leaves an error of the order of its square, where levels soften 1e-7 deg.
 _SETTLED = 1e-6
 
-_CREEP_AT = math.radians(60.0)
+_CREEP_AT = math.radians(CREEP_AT_DEG)
 
 _STEEP = 0.2  # of a step's equation over the angle: what is less is hardly solved
 

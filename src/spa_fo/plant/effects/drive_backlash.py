@@ -9,10 +9,10 @@ import numpy as np
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Effect, Parameter, amplitude, share
+from spa_fo.plant.effects.shared import REACHED_KPA
 from spa_fo.plant.memory import FINEST_STEP_S
 
 _TURNS = 0.005  # of the largest command: a logged one that goes back by less has not turned
-_GONE_KPA = 1e-12
 
 EFFECT = Effect(
     id="drive_backlash",
@@ -111,7 +111,7 @@ def follow_with_play(
                 continue
             if not idle:
                 idle, letting = True, vented * position
-            if abs(letting) > _GONE_KPA:
+            if abs(letting) > REACHED_KPA:
                 letting = math.copysign(min(abs(letting), vented * abs(position)), position)
                 p[i] = position - letting * (1.0 - mean)
                 position -= letting * (1.0 - keep)

@@ -48,8 +48,7 @@ def read_angle(angle: Floats, level: Integers, e: Floats, film: Floats) -> Float
         ends = SENSOR_NONLINEARITY + _ERRORS
         bend_curve(y, e[SENSOR_NONLINEARITY:ends], e[ends])
     if not math.isnan(e[SENSOR_HYSTERESIS]):
-        k = SENSOR_HYSTERESIS
-        lag_behind(y, e[k], e[k + 1], e[k + 2], e[k + 3], e[k + 4], e[k + 5], film)
+        lag_behind(y, e[SENSOR_HYSTERESIS : SENSOR_HYSTERESIS + 6], film)
     if not math.isnan(e[SENSOR_CREEP]):
         size = creep_sizes(e[SENSOR_CREEP], e[SENSOR_CREEP + 1], e[SENSOR_CREEP + 2])
         drift_on(y, level, size, e[SENSOR_CREEP + 3], film[4 : 4 + size.size])

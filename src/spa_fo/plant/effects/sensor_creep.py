@@ -9,10 +9,8 @@ import numpy as np
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Check, Effect
-from spa_fo.plant.effects.shared import CREEP_TIMES_S, GROWTH, driving, spectrum
+from spa_fo.plant.effects.shared import CREEP_AT_DEG, CREEP_TIMES_S, GROWTH, driving, spectrum
 from spa_fo.plant.memory import LEVELS, STEPS_S
-
-_REFERENCE_DEG = 60.0
 
 EFFECT = Effect(
     id="sensor_creep",
@@ -42,7 +40,7 @@ def drift_on(y: Floats, level: Integers, size: Floats, growth: float, state: Flo
         for k in range(LEVELS):
             keep[k, j] = math.exp(-STEPS_S[k] / CREEP_TIMES_S[j])
     for i in range(y.size):
-        total, towards = y[i], driving(y[i], growth, _REFERENCE_DEG)
+        total, towards = y[i], driving(y[i], growth, CREEP_AT_DEG)
         for j in range(state.size):
             state[j] += (1.0 - keep[level[i], j]) * (size[j] * towards - state[j])
             total += state[j]

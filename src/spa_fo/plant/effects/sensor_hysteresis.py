@@ -21,16 +21,7 @@ def opening(angle_deg: float, lens: float, span_deg: float) -> float:
 
 
 @njit
-def lag_behind(
-    y: Floats,
-    width: float,
-    turn: float,
-    exponent: float,
-    begins: float,
-    lens: float,
-    span: float,
-    film: Floats,
-) -> None:
+def lag_behind(y: Floats, loop: Floats, film: Floats) -> None:
     """Duhem loop: the film lags by up to width/2, turning round over `turn` degrees.
 
     What is left of the way r falls as dr/dθ = -r^exponent/turn: with 1 exponentially, with 1/2 as
@@ -38,6 +29,7 @@ def lag_behind(
     as one does. Its state is counted from where it begins, and what it reads there is 0. A part
     `lens` of its width is that of a lens, from 0 to `span` degrees.
     """
+    width, turn, exponent, begins, lens, span = loop
     state, before = film[0] + begins, film[1]
     zero = begins * (1.0 - lens)
     for i in range(y.size):
@@ -70,9 +62,9 @@ def half_loop(
 ) -> Floats:
     """Give half of what the two branches differ by that a film may begin on."""
     upper, lower = angle_deg.copy(), angle_deg.copy()
-    shape = width, turn, exponent, begins, lens, span
-    lag_behind(upper, *shape, np.array([1.0 - begins, angle_deg[0]]))
-    lag_behind(lower, *shape, np.array([-1.0 - begins, angle_deg[0]]))
+    loop = np.array([width, turn, exponent, begins, lens, span])
+    lag_behind(upper, loop, np.array([1.0 - begins, angle_deg[0]]))
+    lag_behind(lower, loop, np.array([-1.0 - begins, angle_deg[0]]))
     return 0.5 * (upper - lower)
 
 

@@ -47,6 +47,8 @@ SINCE = shape(
     starts=tuple(np.linspace(0.02, 0.98, 49).tolist()),  # a score test looks at each
 )
 """The moment that an effect begins at."""
+CREEP_AT_DEG = 60.0
+"""The size of a creep that grows faster than what drives it is that at this angle."""
 GROWTH = Parameter(
     *("growth", "1", 0.0, 0.5, 0.0, 2.0),
     starts=(0.0,),
@@ -107,7 +109,7 @@ def creep_sizes(per_decade: float, typical_s: float, decades: float) -> Floats:
 
 @njit
 def driving(towards: float, growth: float, at: float) -> float:
-    """Give the angle that creep is a share of: `towards` itself without growth, and `at` there."""
+    """Give what creep is a share of: what drives it, by a power that leaves `at` as it is."""
     return towards * (abs(towards) / at) ** growth if growth > 0.0 else towards
 
 
@@ -157,7 +159,8 @@ def switched(time_s: Floats, since: float) -> Floats:
     return np.asarray(0.5 * (1.0 + np.tanh((time_s - since * time_s[-1]) / _SOFT_S)))
 
 
-_REACHED_KPA = 1e-12  # what is nearer is there: a vented line would fade to the least of numbers
+REACHED_KPA = 1e-12
+"""What is nearer is there: a vented line would fade to the least of numbers."""
 
 
 @njit
@@ -174,7 +177,7 @@ def low_pass(p: Floats, starts: Integers, time_constant: float, venting_excess: 
         now = 0.0
         for i in range(starts[trial], starts[trial + 1]):
             distance = now - p[i]
-            if abs(distance) < _REACHED_KPA:
+            if abs(distance) < REACHED_KPA:
                 now = p[i]
                 continue
             falls = 1 if distance > 0.0 else 0

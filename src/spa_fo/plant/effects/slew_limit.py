@@ -7,6 +7,7 @@ import math
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats, Integers
 from spa_fo.plant.effects.effect import Effect, Parameter, shape
+from spa_fo.plant.effects.shared import REACHED_KPA
 from spa_fo.plant.memory import FINEST_STEP_S
 
 EFFECT = Effect(
@@ -71,7 +72,6 @@ EFFECT = Effect(
 _LEAST = 0.05  # of the rate that a back pressure leaves. Assumed.
 _FAR = 20.0  # approaches, from which on tanh is 1
 _NEAR = 0.03  # approaches, within which a series errs by less than 3e-10 of them
-_REACHED_KPA = 1e-12  # most cells are of a command that has been reached: there it is not solved
 
 
 @njit
@@ -110,7 +110,7 @@ def slew(
         now = 0.0
         for i in range(starts[trial], starts[trial + 1]):
             rest = p[i] - now
-            if abs(rest) < _REACHED_KPA:
+            if abs(rest) < REACHED_KPA:  # as in most cells: there it is not solved
                 now = p[i]
                 continue
             left, at = rest, now
