@@ -51,8 +51,8 @@ def test_a_name_has_to_be_clearly_more_probable_than_an_unknown_cause():
     border = SETTINGS.doubt * 0.35
     assert judge(every[1:], border + 0.01, 0.0).kind == "unknown"
     assert judge(every[1:], border - 0.01, 0.0).kind == "ambiguous"
-    # Nothing is more probable than either, then.
-    assert judge(every, border + 0.01, 0.0).kind == "no_gap"
+    # No gap at all may be more probable than either.
+    assert judge([scored((), 0.36), *every[1:]], border + 0.01, 0.0).kind == "no_gap"
 
 
 def test_a_cause_has_to_be_more_probable_than_none():
@@ -61,9 +61,11 @@ def test_a_cause_has_to_be_more_probable_than_none():
         assert judge(every, 0.1, 0.0).kind == kind
 
 
-def test_several_causes_are_no_more_probable_than_none_together():
+def test_several_causes_count_together_against_none():
+    for none, kind in ((0.46, "no_gap"), (0.44, "ambiguous")):
+        causes = [scored(("creep",), 0.5 - 0.5 * none), scored(("leak",), 0.4 - 0.5 * none)]
+        assert judge([scored((), none), *causes], 0.1, 0.0).kind == kind
     every = [scored((), 0.4), scored(("creep",), 0.3), scored(("leak",), 0.2)]
-    assert judge(every, 0.1, 0.0).kind == "no_gap"
     assert judge(every, 0.51, 0.0).kind == "unknown"
     assert set(stage_shares(judge([scored((), 1.0)], 0.0, 0.0)).values()) == {0.0}
 

@@ -10,9 +10,14 @@ import pytest
 import campaigns
 from spa_fo.gap.data.evidence import collect
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
-from spa_fo.gap.noise.interference import Line, fast_line, slow_line, without_lines
+from spa_fo.gap.noise.interference import (
+    WORTH_A_FIT,
+    Line,
+    fast_line,
+    slow_line,
+    without_lines,
+)
 from spa_fo.gap.noise.whitening import Whitening, lay_rows
-from spa_fo.gap.settings import SETTINGS
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 
 STEP_S, SAMPLES, TRIALS = 0.16, 120, 6
@@ -65,7 +70,7 @@ def test_a_wave_slower_than_three_cycles_a_trial_is_none(
 ) -> None:
     """It may be any drift."""
     found = searched(cycles / (STEP_S * (SAMPLES - 1)), amplitude_deg)
-    assert found.gain < SETTINGS.line_nats
+    assert found.gain < WORTH_A_FIT
 
 
 def test_a_wave_a_little_faster_is_one() -> None:
@@ -176,7 +181,7 @@ def test_white_noise_of_another_level_is_no_line(clean: CampaignData) -> None:
         replace(trial, angle_deg=trial.angle_deg + rng.normal(0.0, 1.0, trial.t_s.size))
         for trial in clean.trials
     )
-    assert fast_line(collect(replace(clean, trials=louder))).gain < SETTINGS.line_nats
+    assert fast_line(collect(replace(clean, trials=louder))).gain < WORTH_A_FIT
 
 
 @pytest.mark.parametrize("hz", [8.0, 20.3])

@@ -201,7 +201,7 @@ def diagnose(
             rmse_deg=sizes[0],
             noise_floor_deg=sizes[1],
             significant=verdict.kind != "no_gap",
-            p_value=p_value(verdict),
+            p_value=p_value(verdict, noise.compared),
             repeats=repeated,
         ),
         where=Where(arises.stage, not_known=arises.not_known, assumed=arises.assumed, **located),

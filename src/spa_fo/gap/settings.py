@@ -90,7 +90,13 @@ class Settings:
         "power of the tempered evidence; 0.1 to 1 moves little",
     )
     none: float = _number(
-        0.5, "probability", "learned", "prior of no gap: even; 0.45 to 0.55 serves as well"
+        0.5, "probability", "learned", "prior of none in the drive, and of none in the angle: even"
+    )
+    nothing: float = _number(
+        0.33,
+        "odds",
+        "learned",
+        "prior of no gap at all, of these: of the campaigns of other hands a fifth have none",
     )
     single: float = _number(0.35, "probability", "assumed", "prior of one effect")
     unknown: float = _number(
@@ -118,7 +124,6 @@ class Settings:
         "learned",
         "a smaller systematic residual is no gap; what moves the angle by less is no effect",
     )
-    line_nats: float = _number(5.0, "nat", "assumed", "an interference that is worth a fit")
     # --- the answer ------------------------------------------------------------------------------
     covered: float = _number(0.93, "probability", "learned", "total of the sets that are named")
     least: float = _number(0.1, "probability", "learned", "below which a set is not listed")

@@ -45,12 +45,12 @@ class StageShares:
     assumed: str | None = None
 
 
-def p_value(verdict: Verdict) -> float:
-    """Bound the probability of so much evidence by chance.
+def p_value(verdict: Verdict, compared: bool = False) -> float:
+    """Bound the probability of so much evidence by chance; `compared` with another campaign.
 
     A Bayes factor against no gap of k is met by chance at most once in k times (Ville 1939).
     """
-    odds = (1.0 - SETTINGS.none) / SETTINGS.none
+    odds = (1.0 - SETTINGS.none) / SETTINGS.none / (1.0 if compared else SETTINGS.nothing)
     return float(min(1.0, odds * verdict.none / max(1.0 - verdict.none, 1e-300)))
 
 

@@ -78,15 +78,14 @@ def chosen(scored: Sequence[tuple[Ids, float]], unknown: float) -> tuple[Kind, t
 
     Notes
     -----
-    There is no gap where nothing is more probable, be it a set or an unknown cause: no first cause
-    is less probable than none, though some cause may be more. A name is given where it is clearly
-    more probable than an unknown cause, as a wrong one costs more than none.
+    There is no gap where that is at least as probable as all sets together, and as an unknown
+    cause. A name is given where it is clearly more probable than an unknown cause, as a wrong one
+    costs more than none.
     """
     s = SETTINGS
     none = sum(probability for ids, probability in scored if not ids)
-    named = [probability for ids, probability in scored if ids]
-    total = sum(named)
-    if none >= max([*named, unknown]):
+    total = sum(probability for ids, probability in scored if ids)
+    if none >= max(total, unknown):
         return "no_gap", ()
     standing: list[Ids] = []
     held = 0.0

@@ -206,9 +206,12 @@ def decide(
         joint[named] = joint.get(named, 0.0) + p
         if named not in made or p > made[named].probability:
             made[named] = _scored(named, p, of_angle[a], of_drive.get(d), fast if line else None)
-    scored = [replace(one, probability=joint[named]) for named, one in made.items()]
+    if () in joint and not found.bench.noise.compared:
+        joint[()] *= SETTINGS.nothing
+    whole = sum(joint.values()) + 1.0 - certain
+    scored = [replace(one, probability=joint[named] / whole) for named, one in made.items()]
     share = unknown_drive / max(unknown_drive + unknown_angle + unknown_line, 1e-12)
-    return judge(scored, 1.0 - certain, share)
+    return judge(scored, (1.0 - certain) / whole, share)
 
 
 def _floor_beside(found: Explanations, evidence: Evidence, floor_deg: float) -> float:

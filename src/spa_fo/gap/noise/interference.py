@@ -19,11 +19,12 @@ from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.data.searched import wave
 from spa_fo.gap.noise.whitening import Factor, Rows, Whitening
-from spa_fo.gap.settings import SETTINGS
 from spa_fo.rig import Trial
 
 SLOWEST_FAST_HZ = 3.2
 """Lines above do not show in the averaged samples."""
+WORTH_A_FIT = 5.0
+"""Nats from which a line is looked at more closely; to be named it takes many more."""
 _PADDED = 8192  # intervals between samples, of a transform
 _FINER = 8  # parts of the fastest period by which it is told when a sample was taken
 _MAINS_HZ = 130.0  # a mains' own frequency is below, and twice it, as a rectified one has
@@ -144,7 +145,7 @@ def without_lines(evidence: Evidence) -> Evidence:
     logged = evidence
     for _ in range(_MOST_LINES):
         line = fast_line(evidence)
-        if line.gain <= SETTINGS.line_nats:
+        if line.gain <= WORTH_A_FIT:
             break
         evidence = _without(evidence, line.frequency_hz)
     if evidence is logged:

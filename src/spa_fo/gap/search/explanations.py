@@ -20,7 +20,7 @@ import numpy as np
 from spa_fo.arrays import Floats
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import LINE, SHARES, Bench, plain_deg
-from spa_fo.gap.noise.interference import NONE, Line, slow_line
+from spa_fo.gap.noise.interference import NONE, WORTH_A_FIT, Line, slow_line
 from spa_fo.gap.prior import further_price
 from spa_fo.gap.search.fitted import (
     LINE_SEARCH,
@@ -274,7 +274,7 @@ def _with_line(
     white = bench.whitening.white(factor, np.hstack([linear.columns[:n], linear.slopes[:n]]))
     left = bench.whitening.white(factor, linear.left[:n])
     line = slow_line(problem.rows, bench.whitening, factor, left, np.linalg.qr(white)[0].T)
-    if line.gain < SETTINGS.line_nats:
+    if line.gain < WORTH_A_FIT:
         return bench, fits, NONE
     scales = bench.scales.copy()
     scales[LINE] = line.amplitude_deg / np.sqrt(2.0)
