@@ -9,6 +9,7 @@ import pytest
 
 import campaigns
 from plant_cases import campaign_data, trials
+from spa_fo.errors import BadInput
 from spa_fo.gap.data.evidence import (
     collect,
     noise_floor,
@@ -40,6 +41,19 @@ def without(trial: Trial, begin_s: float, end_s: float) -> Trial:
 def gapped(data: CampaignData, begin_s: float, end_s: float) -> CampaignData:
     first, *others = data.trials
     return replace(data, trials=(without(first, begin_s, end_s), *others))
+
+
+def after_reset(trial: Trial, known: int) -> Trial:
+    return replace(trial, after_reset=np.arange(trial.t_s.size) >= known)
+
+
+def test_logs_that_were_cut_short_do_not_say_how_long_a_step_is(clean: CampaignData) -> None:
+    whole, *others = clean.trials
+    cut = replace(clean, trials=(whole, *(after_reset(trial, 1) for trial in others)))
+    assert collect(cut).horizon_s == pytest.approx(0.5 * whole.t_s[-1], rel=0.1)
+    nothing = replace(clean, trials=tuple(after_reset(trial, 1) for trial in clean.trials))
+    with pytest.raises(BadInput, match="no trial has samples at times that are known"):
+        collect(nothing)
 
 
 def test_what_changed_in_a_gap_of_the_log_did_so_at_any_time_in_it(clean: CampaignData) -> None:

@@ -126,6 +126,12 @@ def test_a_walk_is_found() -> None:
     assert np.median(nats) > 3.0
 
 
+def test_a_single_repeat_says_it_too() -> None:
+    """Of two trials the zero cannot move twice."""
+    nats = [jumps(*seen(np.array([0.0, apart]), 2), ORDINARY_DEG)[0] for apart in (0.2, 9.0)]
+    assert nats[0] < 1.0 < nats[1]
+
+
 def test_a_few_repeats_say_it_where_no_bench_scatters_so() -> None:
     def few(apart_deg: float) -> float:
         return jumps(*seen(np.array([0.0, 0.0, apart_deg, apart_deg]), 2), ORDINARY_DEG)[0]

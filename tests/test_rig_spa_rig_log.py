@@ -141,6 +141,15 @@ def test_a_banner_in_mid_file_is_a_reset() -> None:
     assert result.t_s[120] == pytest.approx(result.t_s[119] + 0.01 + first, abs=1e-4)
 
 
+@pytest.mark.parametrize(("before", "estimates"), [(10, 0), (120, 50)])
+def test_after_a_reset_at_rest_no_time_is_an_estimate(before: int, estimates: int) -> None:
+    """Nothing has been commanded: how long it rested does not matter."""
+    lines = [*ROWS[:before], BANNER.encode(), *rows(50, seed=3, start_us=700_000)]
+    result = parse(log(lines))
+    assert result.columns["cmd_kpa"][before - 1] == (0.0 if before == 10 else 20.0)
+    assert (result.report.resets, int(result.after_reset.sum())) == (1, estimates)
+
+
 def test_seq_going_back_without_a_banner_is_a_reset_too() -> None:
     for damaged in ([], [b"# spa-rig 1 adc_b"], [b"\x00\x00\xf0"]):
         lines = [*ROWS, *damaged, *rows(50, seed=3, start_us=700_000)]

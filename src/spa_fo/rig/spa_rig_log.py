@@ -56,7 +56,7 @@ def parse_spa_rig_log(data: bytes, path: Path | str, name: str | None = None) ->
 
     Samples after a board reset are placed at the last sample before it plus half a period plus
     their own t_us: micros() restarts at the reset, and the time the bootloader took is not known.
-    It is an estimate, marked by `after_reset`.
+    It is an estimate, marked by `after_reset`; but what rested before may have rested longer.
 
     Parameters
     ----------
@@ -107,20 +107,28 @@ def parse_spa_rig_log(data: bytes, path: Path | str, name: str | None = None) ->
     rows = [sorted_lines.rows[i] for i in timeline.rows]
     segment = np.array(timeline.segments, dtype=np.int64)
     ticks = np.array(timeline.ticks_us)
+    columns = {
+        column: np.array([float(row[place]) for row in rows])
+        for place, column in enumerate(banner.columns)
+        if column in COLUMNS - {"seq", "t_us"}
+    }
     return SpaRigLog(
         banner=banner,
         t_s=(ticks - ticks[0]) / 1e6,
-        columns={
-            column: np.array([float(row[place]) for row in rows])
-            for place, column in enumerate(banner.columns)
-            if column in COLUMNS - {"seq", "t_us"}
-        },
+        columns=columns,
         seq=np.array([timeline.seq[i] for i in timeline.rows], dtype=np.int64),
         line=np.array([sorted_lines.numbers[i] for i in timeline.rows], dtype=np.int64),
-        after_reset=segment > 0,
+        after_reset=segment > _begun(segment, columns.get("cmd_kpa")),
         segment=segment,
         report=report,
     )
+
+
+def _begun(segment: npt.NDArray[np.int64], command_kpa: Floats | None) -> int:
+    """Say in which segment something is commanded first: before it nothing has begun."""
+    if command_kpa is None or not command_kpa.any():
+        return 0
+    return int(segment[np.argmax(command_kpa != 0.0)])
 
 
 def _passed_over(banner: Banner) -> tuple[str, ...]:

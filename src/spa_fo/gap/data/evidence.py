@@ -12,6 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
 from spa_fo.arrays import Floats, Integers
+from spa_fo.errors import BadInput
 from spa_fo.plant.alike import began_vented, run_alike
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, USUAL_RISE_S, Reach
@@ -98,8 +99,8 @@ class Evidence:
 
     @property
     def horizon_s(self) -> float:
-        """About how long a trial's first step lasted, s."""
-        return 0.5 * float(np.median(self.lasted_s))
+        """About how long a trial's first step lasted, s; of a log cut at its start nobody knows."""
+        return 0.5 * float(np.median([lasted for lasted in self.lasted_s if lasted > 0.0]))
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -118,8 +119,11 @@ def largest_deg(trials: Sequence[Trial]) -> float:
 
 
 def collect(data: CampaignData) -> Evidence:
-    """Gather the evidence of a campaign."""
+    """Gather the evidence of a campaign; `BadInput` where no trial has any."""
     grid = campaign_grid(data.trials, data.campaign.folder, longest=_LONGEST_LEVEL)
+    if np.unique(grid.sample_trial).size == grid.sample_trial.size:
+        text = "no trial has samples at times that are known; expected some before a reset"
+        raise BadInput(data.campaign.folder, text)
     rows = [np.flatnonzero(grid.sample_trial == i) for i in range(len(grid.trials))]
     noise = _white([trial.angle_deg for trial in grid.trials])
     pressures = [t.pressure_kpa for t in grid.trials if t.pressure_kpa is not None]

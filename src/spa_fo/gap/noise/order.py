@@ -86,7 +86,9 @@ def jumps(
     trend = between @ trend_shapes(trials)
     every = np.arange(trials - 1)
     pairs = np.column_stack(np.triu_indices(trials - 1, 1))
-    hypotheses = [(every[:, None], _SHIFT_DEG), (pairs, _SHIFT_DEG), (every[None, :], _WALK_DEG)]
+    hypotheses = [(every[:, None], _SHIFT_DEG), (every[None, :], _WALK_DEG)]
+    if pairs.size:  # of two trials there are none
+        hypotheses.append((pairs, _SHIFT_DEG))
     still, moving, means = [], [], []
     for sigma, beforehand in zip(_SCATTER_DEG, _ordinarily(ordinary_deg), strict=True):
         covariance = (_TREND * sigma) ** 2 * (trend @ trend.T) + np.diag(sigma**2 + variance)
