@@ -266,11 +266,13 @@ def held_against_trials(examined: Examined, claimed: Claim, progress: Progress =
     progress("weighing laws that have no name against it")
     verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed, hardly)
     drive = examined.drive
-    if not (bench.noise.is_ordinary and (drive is None or drive.is_ordinary)):
+    ordinary = bench.noise.is_ordinary and (drive is None or drive.is_ordinary)
+    if not ordinary:
         verdict = too_large_for_none(verdict)
     # By how much a set lets repeats differ is no floor.
     floor_deg = min(floor_deg, noise_floor(examined.everything, claimed.curves["explained"]))
-    if repeats and not too_large and is_hardly_a_gap(gap_deg, floor_deg, repeats, own):
+    small = ordinary and not too_large  # what varies between trials is in both, gap and floor
+    if repeats and small and is_hardly_a_gap(gap_deg, floor_deg, repeats, own):
         verdict = too_small_for_any(verdict, own)
     return verdict
 

@@ -75,7 +75,10 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
         structure = [(f.trend_nats, f.trend_deg)]
         if logs.max() > worth_it:
             structure.append((f.fixture_nats, f.fixture_deg))
+        stays = _stays(found, f, floor_deg)
         for part in parts_of(f, logs, f.moved_deg, own, worth, sizes, repeats):
+            if at_port("zeros", part.named):
+                part = replace(part, right=part.right + stays)
             for nats, size_deg in structure:
                 if size_deg <= s.no_gap * floor_deg:
                     continue
@@ -87,6 +90,17 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
                 part = replace(part, left_deg=float(np.hypot(part.left_deg, f.trend_deg)))
             parts.append(part)
     return parts
+
+
+def _stays(found: Explanations, fitted: Fitted, floor_deg: float) -> float:
+    """Log odds of a zero that moves before the first trial and never again, where it does.
+
+    A sensor that slips once does so before any of the trials; but whatever moves the angle at rest
+    does so from the first one on.
+    """
+    zeros = fitted.zeros_deg
+    apart = found.bench.noise.compared or np.std(zeros) >= SETTINGS.no_gap * floor_deg
+    return 0.0 if apart else -float(np.log(zeros.size))
 
 
 def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) -> list[Part]:
