@@ -277,6 +277,22 @@ def test_a_member_without_which_the_others_do_as_well_is_not_named():
     assert named[("creep",)] == ("creep",)
 
 
+@pytest.mark.parametrize(("last_deg", "compared", "pays"), [(2, 0, True), (9, 0, False), (2, 1, 0)])
+def test_a_zero_that_moves_before_the_first_trial_alone_pays_for_that(
+    last_deg: float, compared: bool, pays: bool
+) -> None:
+    slip = fit(("sensor_slip",), 2.0, {"sensor_slip": 2.0})
+    slip.zeros_deg = np.array([2.0, 2.0, 2.0, last_deg])
+    evidence = SimpleNamespace(grid=SimpleNamespace(counts=np.ones(10)))
+    noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=5), compared=bool(compared))
+    bench = SimpleNamespace(evidence=evidence, gap_deg=GAP_DEG, noise=noise)
+    fits = {f.ids: f for f in (slip, fit(("creep",), 2.0, {"creep": 2.0}), fit((), 0.0, {}))}
+    found = SimpleNamespace(fits=fits, bench=bench, excluded=())
+    right = {p.named: p.right for p in weigh._of_angle(found, FLOOR_DEG)}
+    paid = right[("creep",)] - right[("sensor_slip",)]
+    assert paid == pytest.approx(np.log(4.0) if pays else 0.0)
+
+
 def test_what_moves_less_than_a_part_of_the_floor_is_none():
     least = SETTINGS.no_gap * FLOOR_DEG
     assert part._that_move({"creep": 1.01 * least, "leak": 0.99 * least}, least) == ("creep",)

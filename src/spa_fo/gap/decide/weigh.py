@@ -75,10 +75,9 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
         structure = [(f.trend_nats, f.trend_deg)]
         if logs.max() > worth_it:
             structure.append((f.fixture_nats, f.fixture_deg))
-        stays = _stays(found, f, floor_deg)
         for part in parts_of(f, logs, f.moved_deg, own, worth, sizes, repeats):
             if at_port("zeros", part.named):
-                part = replace(part, right=part.right + stays)
+                part = replace(part, right=part.right + _stays(found, f, floor_deg))
             for nats, size_deg in structure:
                 if size_deg <= s.no_gap * floor_deg:
                     continue
