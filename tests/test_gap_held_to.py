@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -33,7 +34,7 @@ from spa_fo.gap.claim.claimed import (
     too_small_for_any,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
-from spa_fo.gap.diagnose import _alone_does, _is_doubtful
+from spa_fo.gap.diagnose import _alone_does, _is_doubtful, held_against_trials
 from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.noise.bench_noise import Beyond
 from spa_fo.gap.noise.coloured import Scatter, Spectrum, level_spread
@@ -528,3 +529,24 @@ def test_what_is_refuted_where_there_is_hardly_a_gap_is_none() -> None:
     assert held_to(verdict, stands, hardly=True) == verdict
     unsure = held_to(answer({("creep",): 0.3, (): 0.1}, 0.6), refuted, hardly=True)
     assert (unsure.kind, unsure.sets) == ("unknown", ())
+
+
+@pytest.mark.parametrize(("ordinary", "kind"), [(True, "no_gap"), (False, "unknown")])
+def test_what_varies_between_trials_is_hardly_a_gap_on_an_ordinary_bench_alone(
+    ordinary: bool, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is in the gap and in the floor alike."""
+    known = {"is_too_large": False, "is_hardly_a_gap": True, "noise_floor": 0.3}
+    for name, value in known.items():
+        place = sys.modules["spa_fo.gap.diagnose"]  # a function has its name in the package
+        monkeypatch.setattr(place, name, lambda *_, value=value: value)
+    one = examined(repeats=4)
+    drive = SimpleNamespace(is_ordinary=ordinary)
+    one.found.bench.noise.is_ordinary, one.found.bench.own = True, False
+    grid = SimpleNamespace(counts=np.ones(50), angle_deg=np.zeros(50), sample_trial=np.zeros(50))
+    one.everything.grid = grid
+    verdict = replace(answer({(): 0.7, ("drive_hunting",): 0.1}, 0.2), unknown_drive=1.0)
+    asked = SimpleNamespace(**{**vars(one), "drive": drive, "verdict": verdict})
+    curves = {"plain": np.ones(50), "explained": np.ones(50)}
+    claimed = replace(claims({}), curves=curves)
+    assert held_against_trials(cast(Any, asked), claimed).kind == kind
