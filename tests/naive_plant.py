@@ -43,12 +43,13 @@ def lag(signal, time_constant_s, second_pole, tail_share, venting_excess=0.0, or
     return (1.0 - orifice_share) * linear + orifice_share * rooted
 
 
-def play(signal, width, centre, wait=0.0, vented=0.0, vent_s=0.0):
+def play(signal, width, centre, wait=0.0, vented=0.0, vent_s=0.0, ready=0.0):
     out, position, told, rises, until, before, rest = [], 0.0, 0.0, False, 0.0, 0.0, 0.0
+    first = (1.0 - ready) * wait
     for number, value in enumerate(signal):
         if value != told:
             if (value > told) != rises:
-                rises, until = not rises, number * MS + wait
+                rises, until, first = not rises, number * MS + first, wait
             told = value
         if number * MS >= until - 1e-9:
             if position < value - width * (1.0 - centre):

@@ -54,6 +54,7 @@ SIZES: dict[str, dict[str, float]] = {
         "wait_s": 0.0,
         "vented": 0.0,
         "vent_s": 0.0,
+        "ready": 0.0,
     },
     "stiffening": {"fraction_at_60deg": 0.15, "exponent": 2.2},
     "gravity_load": {"along_rest": 0.1, "across_rest": 0.1, "at_rest": 0.0},

@@ -344,7 +344,7 @@ def test_starts_differ_by_more_than_a_delay():
     problem = PressureProblem(evidence, whitening, ("drive_backlash",))
     points = starts(problem, np.zeros(0), (0.01, 0.02, 0.5))
     factor = whitening.factor(1.0, 0.05)
-    first = problem.first_of(points, factor, 4)
+    first = problem.first_of(points, factor, 8)
     named = [slot.parameter.name for slot in problem.slots]
     # Each way to keep the play and to vent it, with the delay that does best.
     kept, vented = (np.array([z[named.index(n)] for z in first]) for n in ("kept", "vented"))

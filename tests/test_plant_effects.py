@@ -75,7 +75,7 @@ DRIVES = {
     "leak": lambda s, p: naive.leak(s, *p.values()),
     "slew_limit": lambda s, p: naive.slew(s, *p.values()),
     "drive_backlash": lambda s, p: naive.play(
-        s, p["play_kpa"], p["centre"], p["wait_s"], p["vented"], p["vent_s"]
+        s, *(p[name] for name in ("play_kpa", "centre", "wait_s", "vented", "vent_s", "ready"))
     ),
 }
 
@@ -114,18 +114,19 @@ def test_an_orifice_ends_after_a_time_that_goes_as_the_root_of_the_step(height: 
     assert FINEST_STEP_S * np.argmax(vented) == pytest.approx(1.5 * takes, abs=0.03)
 
 
-def test_a_pump_with_play_waits_for_a_time_as_well() -> None:
+@pytest.mark.parametrize(("ready", "waits"), [(0.0, 7), (0.5, 3), (1.0, 0)])
+def test_a_pump_with_play_waits_for_a_time_as_well(ready: float, waits: int) -> None:
     """Where the command turns, and not where it goes on; a part of a cell it waits in part."""
-    changes = {"play_kpa": 2.0, "wait_s": 0.15}
+    changes = {"play_kpa": 2.0, "wait_s": 0.15, "ready": ready}
     slow = DRIVES["drive_backlash"](
         np.repeat(jerky(), CELL), parameters("drive_backlash", **changes)
     )
     found = pressure(jerky(), vector("drive_backlash", **changes))
     # That a ramp has turned is seen a little later: a logged command is not exact.
     np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.2)
-    waits, turned = 7, 60
+    turned, part = 60, 1.0 - (7.5 * (1.0 - ready)) % 1.0
     assert found[turned : turned + waits].tolist() == [0.0] * waits
-    assert found[turned + waits] == pytest.approx(0.5 * (20.0 - 2.0 * 0.6))
+    assert found[turned + waits] == pytest.approx(part * (20.0 - 2.0 * 0.6))
     assert found[2 * turned] == pytest.approx(50.0 - 2.0 * 0.6)
 
 

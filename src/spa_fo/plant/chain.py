@@ -179,7 +179,7 @@ class Chain:
 
         To u, which has its `rise` within each step, comes what is `held` there.
         """
-        width, centre, kept, _, vented, _ = effects[_PLAY]
+        width, centre, kept, _, vented, _, _ = effects[_PLAY]
         if not math.isnan(width) and not self.is_pressure:
             load[self.grid.cells[steps] == 0] = (
                 resting_kpa(width, centre, kept, vented) / self.reference_kpa

@@ -46,8 +46,8 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     if not math.isnan(e[DEAD_TIME]):
         delay_cells(p, starts, e[DEAD_TIME])
     if not math.isnan(e[DRIVE_BACKLASH]):
-        width, centre, kept, wait, vented, vent = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 6]
-        follow_with_play(p, starts, width, centre, kept, wait, vented, vent, play)
+        width, centre, kept, wait, vented, vent, ready = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 7]
+        follow_with_play(p, starts, width, centre, kept, wait, vented, vent, ready, play)
     if not math.isnan(e[SLEW_LIMIT]):
         rise, ratio, approach, backpressure, vent = e[SLEW_LIMIT : SLEW_LIMIT + 5]
         slew(p, starts, rise, ratio, approach, backpressure, vent)

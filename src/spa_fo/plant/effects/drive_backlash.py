@@ -55,6 +55,12 @@ EFFECT = Effect(
             means="time in which most of that is let out",
             is_addition=True,
         ),
+        Parameter(
+            *("ready", "1", 0.0, 0.5, 0.0, 1.0),
+            starts=(0.0, 1.0),
+            means="part of the wait that is over where a trial's command first moves",
+            is_addition=True,
+        ),
     ),
     name="backlash of the drive",
     means="after a reversal of the command the pressure waits, as in a spindle or a dead band",
@@ -73,12 +79,13 @@ def follow_with_play(
     wait: float,
     vented: float,
     vent_s: float,
+    ready: float,
     play: Floats,
 ) -> None:
     """Play operator: the pressure stays between command - width(1 - centre) and + width·centre.
 
-    After a reversal, and where a trial's command first moves, it stays for `wait`, s, as well; a
-    command that comes to 0 lets out the part `vented` of it, exponentially with the time `vent_s`.
+    After a reversal it stays for `wait`, s, as well, and where a trial's command first moves for
+    what of that is not over by the part `ready`; a command that comes to 0 lets out the part `vented` of it, exponentially with the time `vent_s`.
     `play` is the position, kPa, and whether there is any; carried on in place. Of it a trial,
     whose first cell is in `starts`, begins with the part `kept`.
     """
@@ -97,7 +104,8 @@ def follow_with_play(
             told = p[i]
             gone = told - farthest
             if abs(gone) > least and (way == 0.0 or way * gone < 0.0):
-                way, since = math.copysign(1.0, gone), 0.0
+                since = 0.0 if way != 0.0 else ready * cells
+                way = math.copysign(1.0, gone)
             if way * gone > 0.0:
                 farthest = told
             since += 1.0
