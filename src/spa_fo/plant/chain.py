@@ -30,7 +30,7 @@ _SLIP = LIBRARY["sensor_slip"].slots
 _PLAY = LIBRARY["drive_backlash"].slots
 _GRAVITY = LIBRARY["gravity_load"].slots
 _REMEMBERED = 8  # loads of a chain
-_HUNG_S = 3600.0  # for which a specimen without a past has hung under its weight
+_HUNG = rest_levels(3600.0)  # for which a specimen without a past has hung under its weight
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Chain:
         rests = memory.rests_deg != 0.0 or not math.isnan(memory.ends_s)
         if rests or math.isnan(at_rest) or at_rest == 0.0:
             return self
-        level, c, memory = rest_levels(_HUNG_S), kept_or_chosen(self.contour, x), memory.copy()
+        level, c, memory = _HUNG, kept_or_chosen(self.contour, x), memory.copy()
         nothing, time_s = np.zeros(level.size), np.full(level.size, self.grid.middle_s[0])
         state = memory.modes, memory.creep, memory.stops, memory.virgin
         contour = c.nodes, c.angles, c.weights, c.keep, c.gain, c.tilt
