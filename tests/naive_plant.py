@@ -11,9 +11,11 @@ from spa_fo import step_response
 MS = 1e-3
 
 
-def delay(signal, seconds):
-    late = round(seconds / MS)
-    return np.concatenate([np.zeros(late), signal[: signal.size - late]])
+def delay(signal, seconds, uneven=0.0):
+    """A rise waits longer than a fall by this part, or one value is reached the sooner."""
+    late = [round(seconds * (1.0 + side * uneven) / MS) for side in (1.0, -1.0)]
+    rises, falls = (np.concatenate([np.zeros(n), signal[: signal.size - n]]) for n in late)
+    return np.minimum(rises, falls) if uneven > 0.0 else np.maximum(rises, falls)
 
 
 def low_pass(signal, time_constant, venting_excess=0.0):

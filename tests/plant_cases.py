@@ -20,7 +20,7 @@ SIXTY = 55.0  # kPa: settles at 60 degrees
 
 # One visible size of each effect; what is not named here begins where searches do.
 SIZES: dict[str, dict[str, float]] = {
-    "dead_time": {"delay_s": 0.13},
+    "dead_time": {"delay_s": 0.13, "uneven": 0.0},
     "line_lag": {
         "time_constant_s": 0.4,
         "second_pole": 0.3,

@@ -328,6 +328,13 @@ def test_a_line_that_vents_otherwise_than_it_fills_is_not_linear() -> None:
     assert longer.part.lags_s == as_long.part.lags_s == (0.4, 0.1)
 
 
+def test_a_rise_that_waits_longer_than_a_fall_is_not_linear() -> None:
+    uneven = {"parameters": {"delay_s": 0.3, "uneven": 0.5}}
+    made = export_model(replace(PLAIN, effects=(DEAD_TIME | uneven,)), Options(allow_left_out=True))
+    assert made.part.left_out == ("dead_time (a rise waits 1.5 times as long)",)
+    assert made.part.dead_time_s == 0.3
+
+
 def test_a_line_that_is_an_orifice_is_not_linear() -> None:
     own = {"parameters": {**LAG["parameters"], "orifice_share": 0.7}}  # type: ignore[dict-item]
     with pytest.raises(BadInput, match=r"line_lag \(70% of it is an orifice's\)"):

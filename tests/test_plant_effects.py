@@ -69,7 +69,7 @@ def jerky() -> np.ndarray:
 # --- command -> pressure ---------------------------------------------------------------------
 
 DRIVES = {
-    "dead_time": lambda s, p: naive.delay(s, p["delay_s"]),
+    "dead_time": lambda s, p: naive.delay(s, p["delay_s"], p["uneven"]),
     "line_lag": lambda s, p: naive.lag(s, **p),
     "supply_droop": lambda s, p: naive.droop(s, **p),
     "leak": lambda s, p: naive.leak(s, *p.values()),
@@ -86,6 +86,16 @@ def test_a_drive_effect_against_a_loop_of_milliseconds(name: str) -> None:
     found = pressure(jerky(), vector(name))
     assert np.abs(slow - jerky()).max() > 0.5
     np.testing.assert_allclose(found, slow, atol=0.12)
+
+
+@pytest.mark.parametrize("uneven", [-1.0, -0.3, 0.5, 1.0])
+def test_a_rise_may_wait_longer_than_a_fall(uneven: float) -> None:
+    changes = {"delay_s": 0.2, "uneven": uneven}
+    slow = DRIVES["dead_time"](np.repeat(jerky(), CELL), parameters("dead_time", **changes))
+    found = pressure(jerky(), vector("dead_time", **changes))
+    np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)
+    alike = pressure(jerky(), vector("dead_time", delay_s=0.2))
+    assert np.abs(found - alike).max() > 10.0
 
 
 @pytest.mark.parametrize(

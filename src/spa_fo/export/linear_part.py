@@ -92,8 +92,10 @@ def linear_part(
         if LIBRARY[name].stage in _MEASURING:
             measuring.append(name)
         elif name == "dead_time":
-            dead_time = float(values[0])
+            dead_time, uneven = values.tolist()
             included.append(name)
+            if abs(uneven) > _AS_LONG:
+                left_out.append(f"{name} (a rise waits {1.0 + uneven:.2g} times as long)")
         elif name == "line_lag":
             *lag, excess, rooted = values.tolist()
             lags, leads = _of_lag(*lag)

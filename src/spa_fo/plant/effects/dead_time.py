@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats, Integers
-from spa_fo.plant.effects.effect import Effect, lateness
+from spa_fo.plant.effects.effect import Effect, Parameter, lateness
 from spa_fo.plant.memory import FINEST_STEP_S
 
 EFFECT = Effect(
@@ -12,6 +12,12 @@ EFFECT = Effect(
     stage="drive",
     parameters=(
         lateness("delay_s", "how long the pressure waits after the command", is_delay=True),
+        Parameter(
+            *("uneven", "1", 0.0, 0.3, -1.0, 1.0),
+            starts=(0.0, -1.0, -0.5, 0.5, 1.0),
+            means="part by which a rise waits longer than that, and a fall shorter",
+            is_addition=True,
+        ),
     ),
     name="dead time of the drive",
     means="the pressure follows the command after a pure delay",
@@ -22,8 +28,25 @@ EFFECT = Effect(
 
 
 @njit
-def delay_cells(p: Floats, starts: Integers, delay: float) -> None:
-    """Delay by a fraction of cells; the means are held cell by cell."""
+def delay_cells(p: Floats, starts: Integers, delay: float, uneven: float) -> None:
+    """Delay by a fraction of cells; the means are held cell by cell.
+
+    Of a signal that is delayed as a rise is, and as a fall is, the one follows that is later there.
+    """
+    if uneven == 0.0:
+        shift(p, starts, delay)
+        return
+    fallen = p.copy()
+    shift(p, starts, delay * (1.0 + uneven))
+    shift(fallen, starts, delay * (1.0 - uneven))
+    for i in range(p.size):
+        if (abs(fallen[i]) < abs(p[i])) == (uneven > 0.0):
+            p[i] = fallen[i]
+
+
+@njit
+def shift(p: Floats, starts: Integers, delay: float) -> None:
+    """Delay a rise and a fall alike, from rest."""
     cells = delay / FINEST_STEP_S
     whole = int(cells)
     part = cells - whole

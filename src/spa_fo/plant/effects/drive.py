@@ -44,7 +44,7 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     """
     p = command.copy()
     if not math.isnan(e[DEAD_TIME]):
-        delay_cells(p, starts, e[DEAD_TIME])
+        delay_cells(p, starts, e[DEAD_TIME], e[DEAD_TIME + 1])
     if not math.isnan(e[DRIVE_BACKLASH]):
         width, centre, kept, wait, vented, vent, ready = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 7]
         follow_with_play(p, starts, width, centre, kept, wait, vented, vent, ready, play)

@@ -85,9 +85,10 @@ def follow_with_play(
     """Play operator: the pressure stays between command - width(1 - centre) and + width·centre.
 
     After a reversal it stays for `wait`, s, as well, and where a trial's command first moves for
-    what of that is not over by the part `ready`; a command that comes to 0 lets out the part `vented` of it, exponentially with the time `vent_s`.
-    `play` is the position, kPa, and whether there is any; carried on in place. Of it a trial,
-    whose first cell is in `starts`, begins with the part `kept`.
+    what of that is not over by the part `ready`; a command that comes to 0 lets out the part
+    `vented` of it, exponentially with the time `vent_s`. `play` is the position, kPa, and whether
+    there is any; carried on in place. Of it a trial, whose first cell is in `starts`, begins with
+    the part `kept`.
     """
     position, cells = play[0], wait / FINEST_STEP_S
     least = _TURNS * np.abs(p).max() if p.size else 0.0
