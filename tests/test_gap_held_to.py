@@ -22,6 +22,7 @@ from spa_fo.compare.held_to_reference import (
     with_equivalents,
 )
 from spa_fo.gap.answer.causes import _stood
+from spa_fo.gap.answer.findings import findings
 from spa_fo.gap.claim.claimed import (
     CLEARLY,
     Claim,
@@ -550,3 +551,11 @@ def test_what_varies_between_trials_is_hardly_a_gap_on_an_ordinary_bench_alone(
     curves = {"plain": np.ones(50), "explained": np.ones(50)}
     claimed = replace(claims({}), curves=curves)
     assert held_against_trials(cast(Any, asked), claimed).kind == kind
+
+
+@pytest.mark.parametrize(
+    ("likely", "says"), [(0.2, "creep, is clearly less probable"), (0.0, "holds on the held-out")]
+)
+def test_what_is_less_probable_is_not_said_to_be_refuted(likely: float, says: str) -> None:
+    doubtful = replace(answer({("creep",): likely}, 1.0 - likely), sets=())
+    assert says in findings(doubtful, own=False, repeats=True, floor_deg=0.3)[0]

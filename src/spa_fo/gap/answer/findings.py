@@ -28,6 +28,7 @@ MISSING = {
 }
 """Evidence that a campaign may lack, and what for."""
 
+_MAY_BE = 0.05  # probability from which a set was not refuted
 _MANY = 100  # to one, beyond which odds say no more
 _PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing worth saying
 
@@ -131,7 +132,11 @@ def findings(
     found = []
     named = [s for s in verdict.scored if s.named]
     if verdict.kind == "unknown" and not verdict.sets:
-        found.append("No explanation of the library holds on the held-out trials.")
+        if named and named[0].probability > _MAY_BE:
+            which = " + ".join(named[0].named)
+            found.append(f"The most like it, {which}, is clearly less probable than another cause.")
+        else:
+            found.append("No explanation of the library holds on the held-out trials.")
     elif verdict.kind != "no_gap" and named:
         left = named[0].left_deg
         found.append(
