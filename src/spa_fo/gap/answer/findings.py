@@ -134,7 +134,9 @@ def findings(
     if verdict.kind == "unknown" and not verdict.sets:
         if named and named[0].probability > _MAY_BE:
             which = " + ".join(named[0].named)
-            found.append(f"The most like it, {which}, is clearly less probable than another cause.")
+            found.append(
+                f"What comes nearest, {which}, is clearly less probable than an unknown cause."
+            )
         else:
             found.append("No explanation of the library holds on the held-out trials.")
     elif verdict.kind != "no_gap" and named:
