@@ -96,7 +96,7 @@ class Settings:
         0.33,
         "odds",
         "learned",
-        "prior of no gap at all, of these: of the campaigns of other hands a fifth have none",
+        "prior of no gap at all, to what these make of it: a fifth of other hands' campaigns",
     )
     single: float = _number(0.35, "probability", "assumed", "prior of one effect")
     unknown: float = _number(

@@ -31,7 +31,8 @@ EFFECT = Effect(
 def delay_cells(p: Floats, starts: Integers, delay: float, uneven: float) -> None:
     """Delay by a fraction of cells; the means are held cell by cell.
 
-    Of a signal that is delayed as a rise is, and as a fall is, the one follows that is later there.
+    Where a rise waits longer than a fall, it is the lesser of the signals that wait as either does,
+    and else the larger.
     """
     if uneven == 0.0:
         shift(p, starts, delay)
