@@ -204,8 +204,8 @@ def slow_cost(grid: CampaignGrid, refit: Rival, truth: Rival) -> float:
     """Least squares of one explanation against another by a general solver, nuisances and all."""
     chain = chain_for(grid, refit.x, KPA)
     measured, _ = chain_for(grid, truth.x, KPA).run(truth.x, truth.effects)
-    (place,) = [LIBRARY[name].first for name in refit.ids]  # effects of one parameter
-    start = np.append(to_z(refit.x), refit.effects[place])
+    (slots,) = [LIBRARY[name].slots for name in refit.ids]
+    start = np.append(to_z(refit.x), refit.effects[slots])
     y0, _ = chain.run(refit.x, refit.effects)
     quick, _ = chain.run(at_rate(refit.x, 1.001), refit.effects)
     own = np.column_stack([y0, np.ones(y0.size), (quick - y0) / 0.001])
@@ -216,14 +216,15 @@ def slow_cost(grid: CampaignGrid, refit: Rival, truth: Rival) -> float:
     shared = np.column_stack([late, curve_columns(y0, STRETCH)]) * np.append(
         SETTINGS.angle_late_s, CURVE_DEG
     )
-    spread = np.append(SPECIMEN_SPREAD, LIBRARY[refit.ids[0]].parameters[0].spread)
+    own_spread = [parameter.spread for parameter in LIBRARY[refit.ids[0]].parameters]
+    spread = np.append(SPECIMEN_SPREAD, own_spread)
     weight = np.sqrt(seconds(grid) / 0.5)
 
     def residuals(v: np.ndarray) -> np.ndarray:
-        moves, nuisances, each = np.split(v, [6, 6 + shared.shape[1]])
+        moves, nuisances, each = np.split(v, [start.size, start.size + shared.shape[1]])
         z = start + moves * spread
         e = absent()
-        e[place] = z[5]
+        e[slots] = z[5:]
         y, _ = chain.run(to_x(z[:5]), e)
         y = y + shared @ nuisances
         scatter = (
@@ -234,7 +235,7 @@ def slow_cost(grid: CampaignGrid, refit: Rival, truth: Rival) -> float:
         missed = (measured - y - scatter.sum(axis=1)) / FLOOR_DEG
         return np.concatenate([missed * weight, v])
 
-    v = np.zeros(6 + shared.shape[1] + 3 * len(grid.trials))
+    v = np.zeros(start.size + shared.shape[1] + 3 * len(grid.trials))
     return float(2.0 * least_squares(residuals, v, diff_step=1e-5).cost)
 
 
@@ -259,9 +260,10 @@ def test_separations_are_what_a_general_solver_finds() -> None:
     both = campaign_grid([*own, later], longest=2)
     lasts = seconds(both)[both.sample_trial == 2].sum()
     expected = np.sqrt((slow_cost(both, dead, lag) - before) * 0.5 / lasts)
-    # The slopes are those of the start: the minimum is higher than it could be, by up to a seventh.
+    # The slopes are those of the start: the minimum is higher than it could be, by up to a third,
+    # as a rise waits for a product of two parameters.
     found = pairwise.after(STEP)[0]
-    assert expected < found < 8.0 / 7.0 * expected
+    assert expected < found < 4.0 / 3.0 * expected
 
 
 @pytest.mark.parametrize("ids", [("creep",), ("leak", "hysteresis"), ()])
