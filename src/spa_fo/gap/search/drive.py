@@ -36,6 +36,7 @@ _HOSTS, _PAIRED = 4, 8  # single effects that get others beside them; pairs fitt
 _ENOUGH, _MOST_TRIED = 0.01, 40  # of a search
 _ROUGH, _ROUGH_TRIED = 0.5, 4  # of one that only says whether a pair is worth it
 _BEST_STARTS = 2
+_FORMS = 4  # of an effect that are tried beside another
 # A jump that comes late by more than a cell does not say which way it should move.
 _DELAYS_S = (0.01, *(np.arange(1, 76, 2) * FINEST_STEP_S).tolist())
 QUICK_S = 0.01  # a sensor's lag that no actuator feels
@@ -48,7 +49,7 @@ class DriveFit:
 
     ids: Ids
     z: Floats  # parameters as searched, and the sensor's lag
-    ends: tuple[Floats, ...]  # the best of each form that a search ended at
+    ends: tuple[Floats, ...]  # of the best forms, where the best search of each ended
     effects: Floats  # parameters of all effects, NaN where absent
     cells_kpa: Floats  # (cells,), true pressure on the grid's cells
     believed_kpa: Floats  # (cells,), the same as far as the sensor agrees with it
@@ -302,6 +303,9 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
         for z in problem.first_of(points, factor, _BEST_STARTS * (1 + len(problem.forms)))
     ]
     ends = [found.z for found in sorted(searched, key=lambda found: found.at.value)]
+    best: dict[tuple[float, ...], Floats] = {}
+    for end in ends:
+        best.setdefault(tuple(np.round(end[problem.forms])), end)
     z = ends[0]
     linear = problem.linear(z)
     weighed = [
@@ -319,7 +323,7 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
     return DriveFit(
         ids=problem.ids,
         z=z,
-        ends=tuple({tuple(np.round(end[problem.forms])): end for end in reversed(ends)}.values()),
+        ends=tuple(best.values())[:_FORMS],
         effects=problem.effects(z),
         cells_kpa=cells,
         believed_kpa=cells + surely,
