@@ -277,14 +277,17 @@ def test_a_member_without_which_the_others_do_as_well_is_not_named():
     assert named[("creep",)] == ("creep",)
 
 
-@pytest.mark.parametrize(("last_deg", "compared", "pays"), [(2, 0, True), (9, 0, False), (2, 1, 0)])
+@pytest.mark.parametrize(
+    ("last_deg", "compared", "pays"),
+    [(2.0, False, True), (9.0, False, False), (2.0, True, False)],
+)
 def test_a_zero_that_moves_before_the_first_trial_alone_pays_for_that(
     last_deg: float, compared: bool, pays: bool
 ) -> None:
     slip = fit(("sensor_slip",), 2.0, {"sensor_slip": 2.0})
     slip.zeros_deg = np.array([2.0, 2.0, 2.0, last_deg])
     evidence = SimpleNamespace(grid=SimpleNamespace(counts=np.ones(10)))
-    noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=5), compared=bool(compared))
+    noise = SimpleNamespace(spectrum=SimpleNamespace(repeats=5), compared=compared)
     bench = SimpleNamespace(evidence=evidence, gap_deg=GAP_DEG, noise=noise)
     fits = {f.ids: f for f in (slip, fit(("creep",), 2.0, {"creep": 2.0}), fit((), 0.0, {}))}
     found = SimpleNamespace(fits=fits, bench=bench, excluded=())

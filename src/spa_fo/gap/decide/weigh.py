@@ -97,9 +97,9 @@ def _stays(found: Explanations, fitted: Fitted, floor_deg: float) -> float:
     A sensor that slips once does so before any of the trials; but whatever moves the angle at rest
     does so from the first one on.
     """
-    zeros = fitted.zeros_deg
-    apart = found.bench.noise.compared or np.std(zeros) >= SETTINGS.no_gap * floor_deg
-    return 0.0 if apart else -float(np.log(zeros.size))
+    zeros, least_deg = fitted.zeros_deg, SETTINGS.no_gap * floor_deg
+    stays = not found.bench.noise.compared and np.std(zeros) < least_deg
+    return -float(np.log(zeros.size)) if stays else 0.0
 
 
 def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) -> list[Part]:

@@ -24,7 +24,10 @@ from spa_fo.rig import Trial
 SLOWEST_FAST_HZ = 3.2
 """Lines above do not show in the averaged samples."""
 WORTH_A_FIT = 5.0
-"""Nats from which a line is looked at more closely; to be named it takes many more."""
+"""Nats from which a fast line is taken off and a slow one fitted; to be named takes many more.
+
+Assumed.
+"""
 _PADDED = 8192  # intervals between samples, of a transform
 _FINER = 8  # parts of the fastest period by which it is told when a sample was taken
 _MAINS_HZ = 130.0  # a mains' own frequency is below, and twice it, as a rectified one has
