@@ -96,7 +96,7 @@ class Settings:
         0.33,
         "odds",
         "learned",
-        "prior of no gap, of what both together make it: a fifth of other hands' campaigns have none",
+        "prior of no gap, of what both together make it: a fifth of other hands' cases have none",
     )
     single: float = _number(0.35, "probability", "assumed", "prior of one effect")
     unknown: float = _number(
