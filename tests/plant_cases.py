@@ -109,6 +109,7 @@ SIZES: dict[str, dict[str, float]] = {
     "pressure_set": {"set_kpa": 2.0, "building_s": 3.0},
     "body_mode": {"share": 0.3, "frequency_hz": 0.5, "damping": 0.05},
     "pressure_damping": {"lag_s": 0.4},
+    "tear": {"lost": 0.3, "since": 0.4},
     "unsigned_reading": {"share": 1.0, "across_deg": 4.0},
     "sensor_detachment": {"lost": 0.6, "level_deg": 3.0, "since": 0.4},
     "sensor_freeze": {"held": 0.7, "since": 0.4},

@@ -191,7 +191,7 @@ def test_the_size_of_a_rotation_is_never_negative() -> None:
 # --- all of them -----------------------------------------------------------------------------
 
 
-UNSEEN = ("drive_hunting", "supply_limit")  # in the logs at hand
+UNSEEN = ("drive_hunting", "supply_limit", "tear")  # in the logs at hand
 
 
 def test_they_stand_behind_the_contracts() -> None:
@@ -231,6 +231,16 @@ def test_an_effect_that_looks_at_the_pressure_alone_is_simulated_once(
     own = trials(step_release(), triangle())
     angles(own, vector("gain_growth"), X)
     assert len(runs) == 1
+
+
+def test_a_torn_actuator_bends_less_from_a_moment_on() -> None:
+    time = np.arange(0.0, 100.0, 0.02)
+    p = 30.0 * np.sin(0.3 * time) ** 2
+    for lost in (0.3, -0.2):
+        found = act("tear", p, time, lost=lost, since=0.4)
+        before, after = time < 0.39 * time[-1], time > 0.41 * time[-1]
+        np.testing.assert_allclose(found[before], p[before], atol=0.01)
+        np.testing.assert_allclose(found[after], (1.0 - lost) * p[after], atol=0.01)
 
 
 def test_a_sensor_that_came_off_reads_the_rest_and_a_level() -> None:

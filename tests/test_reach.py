@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 
 from plant_cases import SIXTY, campaign_data, step_release, trials
 from spa_fo.gap.data.evidence import Evidence, collect
-from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, Reach, amplitude, shape
+from spa_fo.plant.effects.effect import (
+    USUAL_DEG,
+    USUAL_KPA,
+    USUAL_RISE_S,
+    Reach,
+    amplitude,
+    shape,
+)
 from spa_fo.plant.effects.library import LIBRARY
 from spa_fo.report.glossary import typical
 
@@ -84,6 +91,16 @@ def test_a_short_pulse_counts_and_a_dropout_does_not() -> None:
     found = collect(campaign_data((replace(trial, command_kpa=pulse, angle_deg=angle),)))
     assert found.reach.pressure == pytest.approx(SIXTY / USUAL_KPA)
     assert found.reach.angle < 5.0 / USUAL_DEG
+
+
+def test_a_search_may_be_narrower_than_what_a_model_file_may_hold() -> None:
+    typical_s = LIBRARY["creep"].parameters[1]
+    assert typical_s.low < typical_s.at(Reach()).low == USUAL_RISE_S
+    assert typical_s.at(Reach(time=3.0)).low == pytest.approx(3.0 * USUAL_RISE_S)
+    approach = next(p for p in LIBRARY["slew_limit"].parameters if p.name == "approach_kpa")
+    assert approach.at(Reach()).high == 9.0 < approach.high
+    held = LIBRARY["sensor_freeze"].parameters[0]
+    assert held.low == 0.0 < held.at(Reach()).low
 
 
 def test_the_pages_say_what_is_typical_of_this_rig() -> None:

@@ -36,6 +36,7 @@ USUAL_RISE_S = 1.1
 """Time in which most of a step is made there: the paper's two actuators take 1.0 and 1.2 s."""
 _IN_TIME = {"s": 1.0, "1/s": -1.0, "kPa/s": -1.0}
 """Powers of a slow rig's time scale that what is plausible goes with, by unit."""
+ANY = (-np.inf, np.inf)
 _GOES_WITH = {
     "deg": (1.0, 0.0),
     "deg per trial": (1.0, 0.0),
@@ -83,8 +84,8 @@ class Parameter:
         as the unit says: degrees with the angle, kPa with the pressure.
     beyond_read : bool
         Whether it is an angle that nothing before can have been read beyond.
-    searched_to : float, optional
-        How large it is searched at most, as plausible goes: beyond it does what another effect is.
+    searched : (float, float), optional
+        Between what it is searched, as plausible goes: beyond it does what something else is.
     is_addition : bool
         Whether it came to its effect later: model files that lack it mean 0.
     is_delay : bool
@@ -106,7 +107,7 @@ class Parameter:
     goes_with: tuple[float, float] | None = None
     beyond_read: bool = False
     is_delay: bool = False
-    searched_to: float | None = None
+    searched: tuple[float, float] = ANY
     is_addition: bool = False
     two_forms: bool = False
 
@@ -123,8 +124,9 @@ class Parameter:
         angle, pressure = self.goes_with or _GOES_WITH.get(self.unit, (0.0, 0.0))
         time = _IN_TIME.get(self.unit, 0.0)
         factor = float(reach.angle**angle * reach.pressure**pressure * reach.time**time)
-        low = min(max(self.low, reach.read_deg), self.high) if self.beyond_read else self.low
-        most = np.inf if self.searched_to is None else factor * self.searched_to
+        least, most = (factor * bound for bound in self.searched)
+        least = max(least, reach.read_deg) if self.beyond_read else least
+        low = min(max(self.low, least), self.high)
         high = min(max(most, low), self.high)
 
         def scaled(value: float) -> float:
@@ -273,11 +275,15 @@ def amplitude(
     further: tuple[float, ...] = (),
     low: float = 0.0,
     goes_with: tuple[float, float] | None = None,
+    searched: tuple[float, float] = ANY,
 ) -> Parameter:
     """Make a parameter that is zero where there is no effect; `further` are other starts."""
-    starts = start, *further
     return Parameter(
-        name, unit, 0.0, spread, low, high, starts=starts, means=means, goes_with=goes_with
+        *(name, unit, 0.0, spread, low, high),
+        starts=(start, *further),
+        means=means,
+        goes_with=goes_with,
+        searched=searched,
     )
 
 
@@ -292,7 +298,7 @@ def shape(
     high: float,
     starts: tuple[float, ...] = (),
     beyond_read: bool = False,
-    searched_to: float | None = None,
+    searched: tuple[float, float] = ANY,
 ) -> Parameter:
     """Make a positive parameter, such as a time, that is mostly within a factor of its centre."""
     return Parameter(
@@ -306,7 +312,7 @@ def shape(
         starts=starts or (centre,),
         means=means,
         beyond_read=beyond_read,
-        searched_to=searched_to,
+        searched=searched,
     )
 
 

@@ -46,6 +46,7 @@ from spa_fo.plant.effects import (
     stiffening,
     supply_droop,
     supply_limit,
+    tear,
     thermal_drift,
     unsigned_reading,
 )
@@ -87,6 +88,7 @@ _FURTHER: tuple[Effect, ...] = (
     pressure_set.EFFECT,
     body_mode.EFFECT,
     pressure_damping.EFFECT,
+    tear.EFFECT,
     unsigned_reading.EFFECT,
     sensor_detachment.EFFECT,
     sensor_freeze.EFFECT,

@@ -30,7 +30,8 @@ EFFECT = Effect(
             "share of the reading that does not move any more",
             spread=0.5,
             high=1.0,
-            start=0.3,
+            start=0.5,
+            searched=(0.3, 1.0),  # what is held less moves: a gain that dropped
         ),
         SINCE,
     ),

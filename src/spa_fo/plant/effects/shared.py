@@ -9,7 +9,14 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from spa_fo._jit import njit
 from spa_fo.arrays import Floats, Integers
-from spa_fo.plant.effects.effect import Parameter, amplitude, lateness, shape, share
+from spa_fo.plant.effects.effect import (
+    USUAL_RISE_S,
+    Parameter,
+    amplitude,
+    lateness,
+    shape,
+    share,
+)
 from spa_fo.plant.memory import FINEST_STEP_S
 
 CURVE_KNOTS_DEG = (-10.0, 0.0, 12.0, 24.0, 36.0, 48.0, 60.0, 75.0, 90.0)
@@ -84,6 +91,7 @@ def spectrum(low: float = 0.0) -> tuple[Parameter, ...]:
             factor=4.0,
             low=0.1,
             high=3000.0,
+            searched=(USUAL_RISE_S, np.inf),  # what comes with a step is the coefficients'
         ),
         shape(
             "decades",

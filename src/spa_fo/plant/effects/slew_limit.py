@@ -41,7 +41,7 @@ EFFECT = Effect(
             factor=2.5,
             low=0.02,
             high=1000.0,
-            searched_to=9.0,  # what slows down farther off is a line's lag
+            searched=(0.0, 9.0),  # what slows down farther off is a line's lag
         ),
         Parameter(
             *("backpressure_per_kpa", "1/kPa", 0.0, 0.012, 0.0, 0.2),
