@@ -121,26 +121,6 @@ def test_nor_is_one_that_moves_in_proportion_to_uneven_steps() -> None:
     assert still < 0.06
 
 
-def test_what_dwells_show_alike_is_told_from_noise(calibration: Calibration) -> None:
-    fixture, rng = laid_out(calibration), np.random.default_rng(3)
-    first = fixture.sigma_deg > 1.0
-    into = np.arange(first.size) % 4  # windows of a dwell
-    up = np.array([calibration.dwells[d].direction == "up" for d in fixture.dwell])
-    moved = np.where(up, 1.0, -1.0) * np.exp(-into) * ~first
-    creep = fixture.average @ (0.5 * moved)
-    for times in (1.0, 3.0):  # as noisy as rows say, and more than is believed
-        noise = fixture.average @ (times * np.where(first, 0.0, 0.06) * rng.normal(size=first.size))
-        nats, size_deg = fixture.shows_alike(noise + creep)
-        assert nats > 20.0
-        assert size_deg == pytest.approx(np.sqrt(np.mean(creep[~first] ** 2)), rel=0.2)
-        alone, small_deg = fixture.shows_alike(noise)
-        assert alone < 0.0
-        assert small_deg < 0.5 * size_deg
-    # What each dwell does in a way of its own is none.
-    own = rng.normal(size=(fixture.of_dwell.shape[1], 4))[fixture.dwell, into]
-    assert fixture.shows_alike(fixture.average @ (0.1 * np.where(first, 0.0, own)))[0] < 0.0
-
-
 def test_a_later_calibration_at_other_angles_errs_by_the_first_curve(
     calibration: Calibration,
 ) -> None:

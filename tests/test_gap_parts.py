@@ -20,7 +20,6 @@ from spa_fo.gap.answer.locate import shares
 from spa_fo.gap.data.evidence import Evidence, collect, noise_floor
 from spa_fo.gap.data.searched import at_rate, to_x, to_z
 from spa_fo.gap.decide.explanation import steady_walk
-from spa_fo.gap.decide.weigh import _floor_beside
 from spa_fo.plant.effects.shared import CURVE_KNOTS_DEG
 from spa_fo.plant.sensor_curve import curve_columns
 from spa_fo.rig import read_campaign, read_trials
@@ -54,23 +53,6 @@ def repeated(values: np.ndarray, noise_deg: float, groups: list[int] | None = No
         rows=np.arange(values.size).reshape(trials, samples),
         alike=np.array(groups or [0] * trials),
     )
-
-
-def test_what_an_explanation_lets_repeats_differ_by_hides_no_drive() -> None:
-    jumps = np.random.default_rng(2).normal(0.0, 2.0, (6, 1)) * np.ones(400)
-    noise = np.random.default_rng(1).normal(0.0, 0.2, (6, 400))
-    evidence = repeated(jumps + noise, 0.0)
-    whole = noise_floor(evidence)
-
-    def fit(predicted: np.ndarray, *logs: float) -> Any:
-        return SimpleNamespace(predicted_deg=predicted.ravel(), logs=np.array(logs))
-
-    plain, slips = fit(0.0 * jumps, 1.0, 2.0), fit(jumps, 3.0, 0.0)
-    for fits in ([plain, slips], [plain, slips, fit(0.0 * jumps, 9.0, np.nan)]):
-        found: Any = SimpleNamespace(fits=dict(enumerate(fits)), plain=plain)
-        assert _floor_beside(found, evidence, whole) == pytest.approx(0.2, rel=0.1)
-    found = SimpleNamespace(fits={0: plain}, plain=plain)
-    assert _floor_beside(found, evidence, whole) == whole > 1.0
 
 
 def test_where_trials_drift_successive_differences_are_the_floor() -> None:

@@ -21,18 +21,17 @@ from spa_fo.gap.answer.locate import shares
 from spa_fo.gap.claim.against_laws import against_laws, alone_if_rare
 from spa_fo.gap.claim.claimed import (
     Claim,
-    cause_of_too_large,
     claim,
     exact,
     held_to,
+    if_it_varies,
     is_hardly_a_gap,
-    is_too_large,
     model_of,
     on_all_trials,
     too_large_for_none,
     too_small_for_any,
 )
-from spa_fo.gap.data.evidence import Evidence, noise_floor
+from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.data.hold_out import HeldOut, hold_out, nothing_held_out, rmse
 from spa_fo.gap.decide.examine import Examined, examine, silent
 from spa_fo.gap.decide.explanation import Explanation
@@ -255,26 +254,17 @@ def _answered(
 
 def held_against_trials(examined: Examined, claimed: Claim, progress: Progress = silent) -> Verdict:
     """Hold what was decided against trials that took no part, laws without a name, and its size."""
-    bench, floor_deg = examined.found.bench, examined.floor_deg
+    bench, drive = examined.found.bench, examined.drive
     repeats, own = bench.noise.spectrum.repeats, bench.own
-    gap_deg = _gap_deg(examined, claimed)
-    hardly = is_hardly_a_gap(gap_deg, floor_deg, repeats, own)
+    hardly = is_hardly_a_gap(_gap_deg(examined, claimed), examined.floor_deg, repeats, own)
     verdict = held_to(examined.verdict, claimed, hardly)
-    too_large = is_too_large(examined, claimed.curves["plain"])
-    if too_large:
-        verdict = cause_of_too_large(verdict, claimed)
     progress("weighing laws that have no name against it")
-    verdict = held_to(alone_if_rare(against_laws(verdict, examined)), claimed, hardly)
-    drive = examined.drive
-    ordinary = bench.noise.is_ordinary and (drive is None or drive.is_ordinary)
-    if not ordinary:
-        verdict = too_large_for_none(verdict)
-    # By how much a set lets repeats differ is no floor.
-    floor_deg = min(floor_deg, noise_floor(examined.everything, claimed.curves["explained"]))
-    small = ordinary and not too_large  # what varies between trials is in both, gap and floor
-    if repeats and small and is_hardly_a_gap(gap_deg, floor_deg, repeats, own):
-        verdict = too_small_for_any(verdict, own)
-    return verdict
+    verdict = alone_if_rare(against_laws(verdict, examined))
+    steady = drive is None or drive.is_ordinary
+    if not (bench.noise.is_ordinary and steady):
+        verdict = too_large_for_none(verdict)  # what varies is in the gap and in the floor alike
+        return if_it_varies(verdict) if steady else verdict
+    return too_small_for_any(verdict, own) if repeats and hardly else verdict
 
 
 def _examined(

@@ -24,7 +24,6 @@ _STEP_LEVEL = 1  # of the fixture's simulation: 0.04 s
 _REST_LEVEL = 7  # of the time the sensor lies flat: 2.6 s
 _STEP_S = float(STEPS_S[_STEP_LEVEL])
 _FLOOR_DEG = 0.06
-_NOISIER = 2.0  # times: windows may scatter by so much more than their noise says. Assumed.
 _UNKNOWN_DEG = 10.0  # of what a sensor may be on its way from
 _SHORTEST_REST_S = 100.0
 _LONGEST_REST_S = 10.0 * float(CREEP_TIMES_S[-1])  # by then every creep is forgotten
@@ -45,7 +44,6 @@ class Fixture:
     # time that the sensor lies flat afterwards belongs to it.
     paths: tuple[tuple[Floats, Integers], ...]
     steps: Integers  # (rows, 2): first and last step of each window, the calibrations in a row
-    alike: Floats  # (rows, k): what windows show that are so far into dwells of one way, or a move
 
     @cached_property
     def of_dwell(self) -> Floats:
@@ -98,30 +96,6 @@ class Fixture:
         """Weights of the mean over the first calibration's dwells, (known angles, dwells)."""
         return self._mean_at(0, np.unique(self.known_deg[self.log == 0]))
 
-    def shows_alike(self, left_deg: Floats) -> tuple[float, float]:
-        """Weigh whether dwells that are alike show something alike that is left, (rows,).
-
-        Returns
-        -------
-        nats, deg : float
-            Log evidence, by the criterion of Schwarz (1978, doi:10.1214/aos/1176344136), where
-            rows err as they are known to, or as they scatter; and the RMS of what is alike.
-        """
-        known = self.sigma_deg < _UNKNOWN_DEG
-        white, columns = left_deg[known] / self.sigma_deg[known], self.alike[known]
-        columns = columns / self.sigma_deg[known, None]
-        found, _, rank, _ = np.linalg.lstsq(columns, white, rcond=1e-6)
-        before, rest = float(white @ white), white - columns @ found
-        angles = np.unique(np.column_stack([self.log, self.known_deg])[known], axis=0)
-        n, after = white.size - angles.shape[0], float(rest @ rest)  # each has a mean of its own
-        if n <= rank:
-            return 0.0, 0.0
-        scatter = min(max(after / (n - rank), 1.0), _NOISIER**2)
-        said = 0.5 * (before - after) / scatter
-        price = 0.5 * int(rank) * float(np.log(n))
-        alike = self.alike[known] @ found
-        return said - price, float(np.sqrt(np.mean(alike**2)))
-
     def simulate(self, effects: Floats) -> tuple[Floats, Mounting]:
         """Simulate what the sensor's effects make of the fixture.
 
@@ -171,7 +145,6 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
     if not calibrations:
         return None
     rows: list[tuple[float, ...]] = []
-    windows: list[int] = []
     ways: list[str] = []
     moves: list[float] = []  # into each dwell, deg
     paths: list[tuple[Floats, Integers]] = []
@@ -188,11 +161,9 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         held = np.interp(np.arange(ends[-1]) + 1, corners, [0.0, *np.repeat(known, 2)])
         before = known[0]
         for dwell, at in zip(calibration.dwells, start + ends - stay, strict=True):
-            for w, window in _windows(
-                dwell, calibrations[0], int(at), dwell is calibration.dwells[0]
-            ):
+            first = dwell is calibration.dwells[0]
+            for window in _windows(dwell, calibrations[0], int(at), first):
                 rows.append((log, dwells, dwell.angle_deg, *window))
-                windows.append(w)
             ways.append(dwell.direction)
             moves.append(dwell.angle_deg - before)
             before = dwell.angle_deg
@@ -208,8 +179,6 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         start += level.size
     log_of, dwell_of, known, deviation, sigma, begin, end, settled = np.array(rows).T
     which = dwell_of.astype(np.int64)
-    up = np.array(ways)[which] == "up"
-    into = np.eye(_WINDOWS)[windows]  # (rows, windows)
     own = wandering(deviation, sigma, which, np.array(ways), np.array(moves))
     sigma = np.hypot(sigma, own)
     same = (log_of == log_of[:, None]) & (known == known[:, None])
@@ -226,8 +195,6 @@ def fixture_of(calibrations: Sequence[Calibration], starts_s: float) -> Fixture 
         average=average,
         paths=tuple(paths),
         steps=np.column_stack([begin, end]).astype(np.int64),
-        alike=average
-        @ np.hstack([into * kind[:, None] for kind in (up, ~up, np.array(moves)[which])]),
     )
 
 
@@ -257,10 +224,8 @@ def wandering(
     return float(np.sqrt(max(0.5 * square / freedom - white, 0.0)))
 
 
-def _windows(
-    dwell: Dwell, curve: Calibration, at: int, first: bool
-) -> Iterator[tuple[int, tuple[float, ...]]]:
-    """Yield of each window of a dwell that begins with step `at` its number and what its row is.
+def _windows(dwell: Dwell, curve: Calibration, at: int, first: bool) -> Iterator[tuple[float, ...]]:
+    """Yield what the row of each window of a dwell is, which begins with step `at`.
 
     That is deviation (deg), its error, first and last step, and whether the sensor has settled. Of
     the first dwell nobody knows how the sensor came there: how it settles says nothing.
@@ -274,4 +239,4 @@ def _windows(
         noise = max(dwell.noise, 0.3) * slope / np.sqrt(counts[w])
         begin, end = (at + round(edge / _STEP_S) for edge in edges[w : w + 2])
         sigma = float(np.hypot(noise, _UNKNOWN_DEG if first else _FLOOR_DEG))
-        yield w, (deviation, sigma, begin, max(begin + 1, end), w >= _WINDOWS // 2)
+        yield deviation, sigma, begin, max(begin + 1, end), w >= _WINDOWS // 2

@@ -24,7 +24,7 @@ from spa_fo.gap.decide.explanation import (
 )
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judged_anew
 from spa_fo.gap.diagnosis import LawFound, Shrink
-from spa_fo.gap.fit.bench import DWELL, Bench
+from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.noise.coloured import level_spread
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
@@ -38,7 +38,6 @@ from spa_fo.together import each
 
 CLEARLY = 3.0
 """Times what is expected, or what a reference says of the pressure: something is wrong."""
-_RARELY = 0.99  # of benches are no noisier than that. Assumed.
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
 _LEAST_SHOWN = 0.1  # of the squared error: trials that show less of a gap still judge
@@ -56,8 +55,8 @@ class Claim:
     errors: dict[Ids, float]  # RMS of the leading explanations, deg; of the plain model under ()
     closed: dict[Ids, float]  # what each leading explanation closes of the gap
     shrink: Shrink | None  # None where nothing is explained
-    # What each would close if it were right, and 1 sigma of that, by noise and scatter.
-    expected: dict[Ids, tuple[float, float]] = field(default_factory=dict)
+    # 1 sigma of what each would close if it were right, by noise and scatter.
+    doubt: dict[Ids, float] = field(default_factory=dict)
     # By how much each moves trials in a way that nobody can foretell, of the squared gap.
     by_chance: dict[Ids, float] = field(default_factory=dict)
     by_refit: float = 0.0  # what the plain model closes, identified again
@@ -65,9 +64,9 @@ class Claim:
     def closes(self, named: Ids) -> bool:
         """Say whether a set may close enough, and as much as the plain model identified again."""
         surely = float(norm.ppf(SETTINGS.covered))  # deviations: as sure as what is named
-        expected, doubt = self.expected.get(named, (1.0, 0.0))
-        most = self.closed.get(named, 0.0) + self.by_chance.get(named, 0.0) + surely * doubt
-        least = SETTINGS.worth * max(expected, 1.0)
+        most = self.closed.get(named, 0.0) + self.by_chance.get(named, 0.0)
+        most += surely * self.doubt.get(named, 0.0)
+        least = SETTINGS.worth
         if at_port("coefficients", named) is None:
             least = max(least, self.by_refit - SETTINGS.gains)
         return most >= least
@@ -106,14 +105,13 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         for named, curve in predicted.items()
     }
     floors = dict.fromkeys(judging, floor_deg)
-    expected: dict[Ids, tuple[float, float]] = {}
+    doubt: dict[Ids, float] = {}
     if not found.bench.noise.compared:  # a change is named only where it is sure
         without = refit if found.bench.own else plain
         for named, own in judging.items():
             # What these few trials happen to differ by is no gap, and nothing closes it.
             floors[named] = max(floor_deg, own.scatter(verdict.of(named).left_deg))
-            (mean, sigma), gap = own.takes(without), _gap_of(before, floors[named])
-            expected[named] = mean / gap, sigma / gap
+            doubt[named] = own.unsure(without) / _gap_of(before, floors[named])
     closed = {named: _closed(before, errors[named], floors[named]) for named in predicted}
     taken_off = everything.line_deg > 0.0
     chance = {named: _by_chance(verdict.of(named), taken_off) for named in predicted}
@@ -127,7 +125,7 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         if at_port("line", first) is None:  # what is not named is no part of the gap
             scatter = float(np.hypot(scatter, everything.line_deg))
         made = shrink(everything, held, curves, scatter, rng)
-    return Claim(curves, errors, closed, made, expected, by_chance, by_refit)
+    return Claim(curves, errors, closed, made, doubt, by_chance, by_refit)
 
 
 def _believed(scatter_deg: float, plain_deg: float, floor_deg: float, repeated: bool) -> float:
@@ -243,30 +241,23 @@ def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdic
     return replace(again, sets=tuple(parts))
 
 
-def cause_of_too_large(verdict: Verdict, claimed: Claim) -> Verdict:
-    """Take no gap out of an answer, where a gap is larger than all that is expected.
+def if_it_varies(verdict: Verdict) -> Verdict:
+    """Take sets by which all trials are alike for a part at most: here something varies between.
 
-    Sets that close enough of it on held-out trials share with an unknown cause what is left by how
-    probable they were; what closes too little goes to the unknown one.
+    So does what goes with the trials' order, or holds from a moment on.
     """
-    if verdict.kind != "no_gap":
+    alike = {s.named for s in verdict.scored if s.named and not any(map(_varies, s.named))}
+    lost = sum(s.probability for s in verdict.scored if s.named in alike)
+    if verdict.kind == "unknown" or not lost:
         return verdict
-    closed = claimed.closed
-    stands = {
-        s.named
-        for s in verdict.scored
-        if s.named and closed.get(s.named, 0.0) >= SETTINGS.worth and claimed.closes(s.named)
-    }
-    likely = sum(s.probability for s in verdict.scored if s.named in stands)
-    lost = sum(s.probability for s in verdict.scored if s.named and s.named not in stands)
-    unknown = verdict.unknown + lost if likely else 1.0
-    total = likely + unknown
     again = judged_anew(
-        verdict,
-        lambda s: s.probability / total if s.named in stands else 0.0,
-        unknown / total,
+        verdict, lambda s: 0.0 if s.named in alike else s.probability, verdict.unknown + lost
     )
-    return replace(again, sets=tuple(named for named in again.sets if named in stands))
+    return again if again.kind != "unknown" else replace(again, sets=verdict.sets[:1])
+
+
+def _varies(name: str) -> bool:
+    return "order" in LIBRARY[name].shown_in or LIBRARY[name].port in ("zeros", "line")
 
 
 def too_small_for_any(verdict: Verdict, own: bool = False) -> Verdict:
@@ -311,35 +302,6 @@ def is_hardly_a_gap(gap_deg: float, floor_deg: float, repeats: int, own: bool = 
 def _in_gap(named: Ids) -> bool:
     """Whether what a set makes of trials is in no difference between repeats."""
     return all(LIBRARY[name].port not in ("zeros", "line") for name in named)
-
-
-def is_too_large(examined: Examined, plain_deg: Floats) -> bool:
-    """Say whether the whole gap is larger than any that no effect would make.
-
-    By how much noise may be more than estimated goes with the repeats; without any it is by how
-    much a bench may be noisier than an ordinary one.
-    """
-    repeats = examined.found.bench.noise.spectrum.repeats
-    most = math.exp(float(norm.ppf(_RARELY)) * level_spread(repeats))
-    return times_expected(examined, plain_deg) > (min(CLEARLY, most) if repeats else most)
-
-
-def times_expected(examined: Examined, plain_deg: Floats) -> float:
-    """Give the RMS of the whole gap over what is expected of it without any effect.
-
-    That is what repeats differ by, or trials of an ordinary bench would, errors of the fixture's
-    angles, and those of the given model.
-    """
-    bench, everything = examined.found.bench, examined.everything
-    parts = [examined.floor_deg]
-    if everything.fixture is not None:
-        parts += [float(bench.scales[DWELL]), bench.noise.fixture.mark_deg]
-    response = bench.coefficients.response
-    if response is not None:
-        final = float(np.linalg.norm(response.root[-1]))
-        parts.append(final * float(np.sqrt(np.mean(everything.grid.angle_deg**2))))
-    every = np.ones(plain_deg.size, dtype=bool)
-    return rmse(everything, plain_deg, every) / float(np.linalg.norm(parts))
 
 
 # --- the model -----------------------------------------------------------------------------------

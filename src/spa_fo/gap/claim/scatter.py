@@ -78,8 +78,8 @@ class Judging:
         scatter = np.average(squares, weights=self.count)
         return float(np.sqrt(scatter + noise + self.level**2 * spectrum.coloured.sum()))
 
-    def takes(self, without: Floats) -> tuple[float, float]:
-        """Say what the explanation is to take of the mean squared error, and 1 sigma of it, deg².
+    def unsure(self, without: Floats) -> float:
+        """Say how unsure it is what the explanation takes of the mean squared error, 1 sigma, deg².
 
         If it is right, r being noise and scatter and d what it predicts beyond the curve `without`
         it, (n,), that is d² + 2 d r.
@@ -89,4 +89,4 @@ class Judging:
         variance = self.whitening.variance_of(weights, self.level)
         for here in self.trials():
             variance += float(np.sum((weights[here] @ self.shapes[here] * self.own) ** 2))
-        return float(np.average(change**2, weights=self.count)), float(np.sqrt(variance))
+        return float(np.sqrt(variance))

@@ -10,13 +10,12 @@ from itertools import product
 import numpy as np
 from scipy.special import expit, logsumexp
 
-from spa_fo.gap.data.evidence import Evidence, modelled_pressure, noise_floor
+from spa_fo.gap.data.evidence import Evidence, modelled_pressure
 from spa_fo.gap.decide.part import (
     Part,
     Sizes,
     least_of,
-    missed_of,
-    parts_of,
+    part_of,
     stands_in,
     with_one_more,
 )
@@ -25,15 +24,12 @@ from spa_fo.gap.fit.bench import SHARES
 from spa_fo.gap.noise.interference import Line
 from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.drive import Drive, DriveFit, rms_of
-from spa_fo.gap.search.explanations import WORTH_WEIGHING, Explanations
+from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import Fitted, price
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, Ids, at_port, ordered
 
 _LEAST_TOTAL = 1e-300
-# Floors that a drive has to move. Learned: regulators with which models were identified moved the
-# angle by 0.83 at most on an opened rig, what was put in by 1.98 at least.
-_OF_BENCH = 1.0
 _BOTH = float(np.sqrt(2.0))  # what is missed anyway and a change as large add up to this
 
 
@@ -41,10 +37,6 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
     s, bench = SETTINGS, found.bench
     repeats, weight = bench.noise.spectrum.repeats > 0, bench.evidence.grid.counts
     parts: list[Part] = []
-    known = [f for f in found.fits.values() if np.isfinite(f.logs).all()]
-    known = [f for f in known if not set(f.ids) & set(found.excluded)]
-    best = max((float(f.logs.max()) - price(f) for f in known), default=-np.inf)
-    worth_it = best - WORTH_WEIGHING
 
     def apart(one: Fitted, other: Ids) -> float:
         # No prediction holds waves: such as count are not done without.
@@ -63,31 +55,22 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
             continue
         if set(ids) & set(found.excluded):
             beyond = s.temper * float(f.logs.max()) + stands_in()
-            nothing = missed_of(0.0, 0.0)
-            parts.append(Part(ids, ids, -np.inf, np.array([beyond]), f, {}, 0.0, nothing))
+            parts.append(Part(ids, -np.inf, np.array([beyond]), f, {}, 0.0))
             continue
         logs, own = f.logs - price(f), partial(apart, f)
         all_deg, least_deg = min(own(()), 1e6), s.no_gap * floor_deg
         sizes = Sizes(all_deg, bench.gap_deg, f.left_deg, floor_deg, least_deg)
-        # What goes with the trials' order, or dwells of a calibration show alike, is structure that
-        # is left, too: an unknown effect beside a set. Where a set is far behind, dwells show what
-        # the curve takes of its misfit.
-        structure = [(f.trend_nats, f.trend_deg)]
-        if logs.max() > worth_it:
-            structure.append((f.fixture_nats, f.fixture_deg))
-        for part in parts_of(f, logs, f.moved_deg, own, worth, sizes, repeats):
-            if at_port("zeros", part.named):
-                part = replace(part, right=part.right + _stays(found, f, floor_deg))
-            for nats, size_deg in structure:
-                if size_deg <= s.no_gap * floor_deg:
-                    continue
-                beside = s.temper * (float(logs.max()) + nats) + with_one_more(part.priced)
-                odds = 2.0 if part.named else 1.0  # it is unknown, and it is beside something
-                beside += odds * float(np.log(s.unknown))
-                part = replace(part, unknown=np.append(part.unknown, beside))
-            if f.trend_deg > s.no_gap * floor_deg:
-                part = replace(part, left_deg=float(np.hypot(part.left_deg, f.trend_deg)))
-            parts.append(part)
+        part = part_of(f, logs, f.moved_deg, own, worth, sizes, repeats)
+        if part is None:
+            continue
+        if at_port("zeros", part.named):
+            part = replace(part, right=part.right + _stays(found, f, floor_deg))
+        if f.trend_deg > s.no_gap * floor_deg:
+            # What goes with the trials' order is left, too: an unknown effect beside a set.
+            beside = s.temper * (float(logs.max()) + f.trend_nats) + with_one_more(part.named)
+            beside += float(np.log(s.unknown))
+            part = replace(part, unknown=np.append(part.unknown, beside))
+        parts.append(part)
     return parts
 
 
@@ -128,49 +111,41 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) 
     for f in drive.fits.values():
         by_name = {name: moved(f, name) for name in f.ids}
         sizes = Sizes(drive.gap_deg, drive.gap_deg, left(f), floor_deg, least)
-        parts += parts_of(f, f.evidence, by_name, partial(apart, f), worth, sizes)
+        part = part_of(f, f.evidence, by_name, partial(apart, f), worth, sizes)
+        parts += [] if part is None else [part]
     return parts
 
 
 def evidence_of(found: Explanations, floor_deg: float) -> float:
     """Log evidence of the angle for all that may explain it together, as it is weighed."""
-    scores, _, unknown = _scores(_of_angle(found, floor_deg), floor_deg)
+    scores, _, unknown = _scores(_of_angle(found, floor_deg))
     return float(logsumexp([*scores.values(), unknown]))
 
 
 def _normalised(
-    parts: Sequence[Part], floor_deg: float
+    parts: Sequence[Part],
 ) -> tuple[dict[Ids, float], dict[Ids, Part], float]:
     """Probabilities of what is named, the best part of each, and the probability of `unknown`."""
     if not parts:
         return {(): 1.0}, {}, 0.0
-    scores, best, unknown = _scores(parts, floor_deg)
+    scores, best, unknown = _scores(parts)
     all_logs = np.array([*scores.values(), unknown])
     weights = np.exp(all_logs - logsumexp(all_logs)).tolist()
     return dict(zip(scores, weights, strict=False)), best, weights[-1]
 
 
-def _scores(
-    parts: Sequence[Part], floor_deg: float
-) -> tuple[dict[Ids, float], dict[Ids, Part], float]:
+def _scores(parts: Sequence[Part]) -> tuple[dict[Ids, float], dict[Ids, Part], float]:
     """Scores of what is named, the best part of each, and the score of `unknown`: logarithms."""
     scores: dict[Ids, float] = {}
     best: dict[Ids, Part] = {}
     unknown = []
     for part in parts:
-        right, otherwise = part.right, part.unknown
-        if not part.named:
-            # What repeats may be too small to be a gap.
-            small = np.zeros(otherwise.size, dtype=bool)
-            small[: part.missed.size] = part.missed < SETTINGS.no_gap * floor_deg
-            right = float(logsumexp([right, *otherwise[small]]))
-            otherwise = np.where(small, -np.inf, otherwise)
-        unknown.append(float(logsumexp(otherwise)))
-        if not np.isfinite(right):
+        unknown.append(float(logsumexp(part.unknown)))
+        if not np.isfinite(part.right):
             continue  # the library lacks it
         # Of what makes up for its form the best is enough, too.
-        if part.named not in best or right > scores[part.named]:
-            best[part.named], scores[part.named] = part, right
+        if part.named not in best or part.right > scores[part.named]:
+            best[part.named], scores[part.named] = part, part.right
     # What stands in for an unknown effect is no hypothesis of its own: the best is enough.
     return scores, best, max(unknown)
 
@@ -201,12 +176,10 @@ def decide(
         By how much the angle moves with what is to be expected of the pressure, where that is
         known; else the noise floor counts for the drive, too.
     """
-    # By how much a set lets repeats differ hides no drive.
-    beside = _floor_beside(found, evidence, floor_deg)
-    sizes = beside, _OF_BENCH * beside, _OF_BENCH * beside
+    sizes = floor_deg, floor_deg, floor_deg  # what a regulator wanders by moves no angle by more
     if drive_floor_deg is not None:
         sizes = drive_floor_deg, _BOTH * drive_floor_deg, SETTINGS.no_gap * drive_floor_deg
-    angle, of_angle, unknown_angle = _normalised(_of_angle(found, floor_deg), floor_deg)
+    angle, of_angle, unknown_angle = _normalised(_of_angle(found, floor_deg))
     pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, *sizes)
     lined, unknown_line = _of_line(fast, floor_deg, found.excluded)
     certain = (1.0 - unknown_angle) * (1.0 - unknown_drive) * (1.0 - unknown_line)
@@ -225,13 +198,6 @@ def decide(
     scored = [replace(one, probability=joint[named] / whole) for named, one in made.items()]
     share = unknown_drive / max(unknown_drive + unknown_angle + unknown_line, 1e-12)
     return judge(scored, (1.0 - certain) / whole, share)
-
-
-def _floor_beside(found: Explanations, evidence: Evidence, floor_deg: float) -> float:
-    """Give the noise floor beside the best explanation of the angle, deg."""
-    known = [f for f in found.fits.values() if np.isfinite(f.logs).all()]
-    best = max(known, key=lambda f: float(f.logs.max()), default=found.plain)
-    return min(floor_deg, noise_floor(evidence, best.predicted_deg, floor_deg))
 
 
 def decide_drive(
@@ -268,7 +234,7 @@ def _weighed_drive(
     if drive is not None and drive.gap_deg < least_deg:
         none = np.full(len(SHARES), -np.inf)
         parts = [replace(part, unknown=none) for part in parts if not part.named]
-    return _normalised(parts, floor_deg)
+    return _normalised(parts)
 
 
 def _scored(

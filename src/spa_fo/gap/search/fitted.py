@@ -72,9 +72,6 @@ class Fitted:
     trend_nats, trend_deg : float
         Log evidence for gain and rest angle that go with the trials' order beside the explanation,
         and their RMS.
-    fixture_nats, fixture_deg : float
-        Log evidence that dwells which are alike show something alike beside the explanation, and
-        its RMS.
     left_deg : float
         RMS of the residual beyond noise.
     """
@@ -103,8 +100,6 @@ class Fitted:
     line: tuple[float, float] | None = None
     trend_nats: float = 0.0
     trend_deg: float = 0.0
-    fixture_nats: float = 0.0
-    fixture_deg: float = 0.0
     left_deg: float = 0.0
 
     @property
@@ -291,21 +286,14 @@ def weighed(bench: Bench, fitted: Fitted) -> Fitted:
     factor = bench.whitening.factor(LEVELS[at], SHARES[best])
     _, solution, top = problem.weigh(linear, factor, fitted.variances, rounds=3)
     remaining = problem.remaining(linear, solution, top)
-    n, fixture = problem.rows.size, bench.evidence.fixture
-    left_deg = bench.whitening.beyond_noise(remaining[:n], LEVELS[at])
+    left_deg = bench.whitening.beyond_noise(remaining[: problem.rows.size], LEVELS[at])
     nats, size = _trend(bench, fitted, factor)
-    fixture_nats, fixture_deg = 0.0, 0.0
-    # A reference shows it, too; and an interference is in every log, those of the fixture, too.
-    if fixture is not None and not bench.noise.compared and bench.line is None:
-        fixture_nats, fixture_deg = fixture.shows_alike(remaining[n : n + problem.further[0]])
     return replace(
         fitted,
         logs=logs + _by_repeats(problem, solution),
         level=LEVELS[at],
         trend_nats=nats,
         trend_deg=size,
-        fixture_nats=fixture_nats,
-        fixture_deg=fixture_deg,
         left_deg=left_deg,
     )
 

@@ -42,9 +42,9 @@ EFFECT = Effect(
         "a seam that opened shows at once",
     ),
     equivalents={
-        "sensor_detachment": Check(
-            "check a few angles against an outside reference, such as a camera",
-            "an actuator that tore bends less; a sensor that came off reads less",
+        "thermal_drift": Check(
+            "repeat one step ten times in a row, and once more after an hour",
+            "a drift goes on; what has torn stays as it is",
         )
     },
     act=torn,
