@@ -140,7 +140,7 @@ class Settings:
         "all of this reasoning fails: any kind of answer, then; a name, once more: unknown",
     )
     together: float = _number(
-        0.15, "probability", "learned", "what surely is unknown is the library's, as none was tried"
+        0.05, "probability", "learned", "what surely is unknown is the library's, as none was tried"
     )
     worth: float = _number(
         0.33,
