@@ -447,7 +447,7 @@ def test_what_goes_with_the_order_is_an_effect_more_beside_a_set():
         return one.unknown
 
     for ids in (("creep",), ("creep", "leak"), ("creep", "leak", "line_lag")):
-        odds = np.log(SETTINGS.unknown)
+        odds = np.log(SETTINGS.unknown**2)
         one_more = log_prior((*ids, "contact_stop"))
         expected = SETTINGS.temper * nats + one_more + odds
         assert unknown_by(ids)[-1] == pytest.approx(expected)

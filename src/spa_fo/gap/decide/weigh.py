@@ -68,7 +68,8 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
         if f.trend_deg > s.no_gap * floor_deg:
             # What goes with the trials' order is left, too: an unknown effect beside a set.
             beside = s.temper * (float(logs.max()) + f.trend_nats) + with_one_more(part.named)
-            beside += float(np.log(s.unknown))
+            odds = 2.0 if part.named else 1.0  # it is unknown, and it is beside something
+            beside += odds * float(np.log(s.unknown))
             part = replace(part, unknown=np.append(part.unknown, beside))
         parts.append(part)
     return parts
