@@ -27,6 +27,7 @@ from spa_fo.gap.claim.claimed import (
     CLEARLY,
     Claim,
     held_to,
+    if_it_varies,
     is_hardly_a_gap,
     too_large_for_none,
     too_small_for_any,
@@ -222,6 +223,21 @@ def test_a_gap_that_is_hardly_more_than_repeats_differ_by_is_none() -> None:
     assert too_small_for_any(of_drive, own=True) == of_drive
     bent = too_small_for_any(answer({("leak",): 0.6, ("creep",): 0.1, (): 0.2}, 0.1), own=True)
     assert (bent.sets, bent.none, bent.unknown) == ((("leak",),), pytest.approx(0.3), 0.1)
+
+
+def test_where_trials_vary_what_leaves_them_alike_is_a_part() -> None:
+    alike = answer({("sensor_nonlinearity",): 0.9, (): 0.02}, 0.08)
+    found = if_it_varies(alike)
+    assert (found.kind, found.sets) == ("unknown", (("sensor_nonlinearity",),))
+    assert (found.unknown, found.none) == pytest.approx((0.98, 0.02))
+    for name in ("mullins_softening", "sensor_slip", "mains_pickup", "tear"):
+        varies = answer({("creep", name): 0.9}, 0.1)
+        assert if_it_varies(varies) == varies
+    # What is left decides, where something that varies is probable, too.
+    either = if_it_varies(answer({("creep",): 0.1, ("thermal_drift",): 0.8}, 0.1))
+    assert (either.kind, either.sets) == ("cause", (("thermal_drift",),))
+    none = answer({("creep",): 0.1, (): 0.8}, 0.1)
+    assert if_it_varies(none).kind == "no_gap"
 
 
 def test_what_closes_a_gap_that_is_too_large_for_none_is_a_part() -> None:
