@@ -371,7 +371,8 @@ def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
         apart = {(): 3.0, ("leak",): 3.0, ("creep",): alone_deg}.get
         worth = dict.fromkeys([("leak",), ("creep",)], 0.0).get
         sizes = part.Sizes(3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
-        return part.part_of(fit, logs, moved, apart, worth, sizes)
+        (one,) = part.parts_of(fit, logs, moved, apart, worth, sizes)
+        return one
 
     helped, unknown_to_all = weighed(0.25), weighed(np.inf)
     assert helped.named == unknown_to_all.named == ("creep",)
@@ -400,6 +401,18 @@ def test_what_stands_in_is_as_probable_as_unknown_effects_however_rare_it_is():
         assert part.stands_in(ids) == pytest.approx(two)
 
 
+def test_where_either_of_two_does_as_well_either_is_named():
+    fit = SimpleNamespace(ids=("creep", "leak"))
+    logs, moved = np.array([0.0, -30.0, -90.0, -200.0, -300.0, -400.0]), {"creep": 3.0, "leak": 2.9}
+    apart = {(): 3.0, ("leak",): 0.02, ("creep",): 0.01}.get
+    worth = {("leak",): -4.0, ("creep",): -1.0}.get
+    sizes = part.Sizes(3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
+    parts = part.parts_of(fit, logs, moved, apart, worth, sizes)
+    assert [p.named for p in parts] == [("creep",), ("leak",)]
+    behind = log_prior(("leak",)) - log_prior(("creep",)) - 3.0 * SETTINGS.temper
+    assert parts[1].right - parts[0].right == pytest.approx(behind)
+
+
 def test_of_effects_that_stand_in_for_each_other_one_is_named():
     apart = {
         ("contact_stop", "sensor_lag"): 0.02,
@@ -416,11 +429,12 @@ def test_of_effects_that_stand_in_for_each_other_one_is_named():
     def enough(least_deg, least_nats=-60.0):
         return part._enough(triple, apart.__getitem__, worth.__getitem__, least_deg, least_nats)
 
-    assert enough(0.1) == one
+    assert enough(0.1) == [one, other]
     # Where the best so many do not do as well, no others do.
-    assert enough(0.025) == triple
+    assert enough(0.025) == [triple]
     # What is worth far less than the set does not do as well, however near it comes.
-    assert enough(0.1, 2.0) == triple
+    assert enough(0.1, 0.9) == [one]
+    assert enough(0.1, 2.0) == [triple]
 
 
 def test_what_goes_with_the_order_is_an_effect_more_beside_a_set():

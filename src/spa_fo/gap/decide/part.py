@@ -96,7 +96,7 @@ def weighed(
     return right, np.where(nothing if ids else small, -np.inf, unknown)
 
 
-def part_of(
+def parts_of(
     fit: Fitted | DriveFit,
     logs: Floats,
     moved: Mapping[str, float],
@@ -104,27 +104,30 @@ def part_of(
     worth: Callable[[Ids], float],
     sizes: Sizes,
     repeats: bool = True,
-) -> Part | None:
-    """Weigh one fit by what it is named for; None where no effect of it moves the angle.
+) -> list[Part]:
+    """Weigh one fit by what it is named for; none where no effect of it moves the angle.
 
     `apart` says by how much the fit of some of its effects alone differs, deg: infinite where there
     is none; `worth` what that is worth, nats. An effect is named where it moves the angle and where
-    the others do not do as well without it.
+    the others do not do as well without it. Where several do, each has a part, as far behind the
+    best as by itself.
     """
     s, ids, moving = SETTINGS, fit.ids, _that_move(moved, sizes.least_deg)
-    if ids and not moving:
-        return None
     least = max(s.needed * sizes.floor_deg, s.of_all * sizes.all_deg)
-    named = _enough(moving, apart, worth, least, float(logs.max()) - WORTH_WEIGHING)
-    # What moves too little to be named makes up for the form of what is: it has no price
-    # beforehand, and is missed by that form.
-    priced, helped = named, apart(named)
-    if not np.isfinite(helped):
-        priced, helped = ids, 0.0
-    missed = missed_of(sizes.gap_deg, max(sizes.left_deg, helped))
-    right, unknown = weighed(priced, logs, missed, sizes.floor_deg, repeats)
-    left = float(missed[int(np.argmax(logs))])
-    return Part(named, right, unknown, fit, {n: moved[n] for n in named}, left)
+    parts = []
+    every = _enough(moving, apart, worth, least, float(logs.max()) - WORTH_WEIGHING)
+    for named in every if moving or not ids else []:
+        # What moves too little to be named makes up for the form of what is: it has no price
+        # beforehand, and is missed by that form.
+        priced, helped = named, apart(named)
+        if not np.isfinite(helped):
+            priced, helped = ids, 0.0
+        missed = missed_of(sizes.gap_deg, max(sizes.left_deg, helped))
+        behind = worth(every[0]) - worth(named) if len(every) > 1 else 0.0
+        right, unknown = weighed(priced, logs - behind, missed, sizes.floor_deg, repeats)
+        left = float(missed[int(np.argmax(logs))])
+        parts.append(Part(named, right, unknown, fit, {n: moved[n] for n in named}, left))
+    return parts
 
 
 def _enough(
@@ -133,16 +136,17 @@ def _enough(
     worth: Callable[[Ids], float],
     least_deg: float,
     least_nats: float,
-) -> Ids:
-    """Take the fewest of a set's effects that do as well as all of it, the best such few.
+) -> list[Ids]:
+    """Take the fewest of a set's effects that do as well as all of it, the best such few first.
 
-    They are worth more than `least_nats`, and apart by less than `least_deg`.
+    They, and all others returned, are worth more than `least_nats` and apart by less than
+    `least_deg`.
     """
     for size in range(1, len(named)):
-        best = max(combinations(named, size), key=lambda one: (worth(one), -apart(one)))
-        if worth(best) > least_nats and apart(best) < least_deg:
-            return best
-    return named
+        every = sorted(combinations(named, size), key=lambda one: (-worth(one), apart(one)))
+        if worth(every[0]) > least_nats and apart(every[0]) < least_deg:
+            return [m for m in every if worth(m) > least_nats and apart(m) < least_deg]
+    return [named]
 
 
 def _that_move(moved: Mapping[str, float], least_deg: float) -> Ids:

@@ -15,7 +15,7 @@ from spa_fo.gap.decide.part import (
     Part,
     Sizes,
     least_of,
-    part_of,
+    parts_of,
     stands_in,
     with_one_more,
 )
@@ -60,18 +60,16 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
         logs, own = f.logs - price(f), partial(apart, f)
         all_deg, least_deg = min(own(()), 1e6), s.no_gap * floor_deg
         sizes = Sizes(all_deg, bench.gap_deg, f.left_deg, floor_deg, least_deg)
-        part = part_of(f, logs, f.moved_deg, own, worth, sizes, repeats)
-        if part is None:
-            continue
-        if at_port("zeros", part.named):
-            part = replace(part, right=part.right + _stays(found, f, floor_deg))
-        if f.trend_deg > s.no_gap * floor_deg:
-            # What goes with the trials' order is left, too: an unknown effect beside a set.
-            beside = s.temper * (float(logs.max()) + f.trend_nats) + with_one_more(part.named)
-            odds = 2.0 if part.named else 1.0  # it is unknown, and it is beside something
-            beside += odds * float(np.log(s.unknown))
-            part = replace(part, unknown=np.append(part.unknown, beside))
-        parts.append(part)
+        for part in parts_of(f, logs, f.moved_deg, own, worth, sizes, repeats):
+            if at_port("zeros", part.named):
+                part = replace(part, right=part.right + _stays(found, f, floor_deg))
+            if f.trend_deg > s.no_gap * floor_deg:
+                # What goes with the trials' order is left, too: an unknown effect beside a set.
+                beside = s.temper * (float(logs.max()) + f.trend_nats) + with_one_more(part.named)
+                odds = 2.0 if part.named else 1.0  # it is unknown, and it is beside something
+                beside += odds * float(np.log(s.unknown))
+                part = replace(part, unknown=np.append(part.unknown, beside))
+            parts.append(part)
     return parts
 
 
@@ -112,8 +110,7 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) 
     for f in drive.fits.values():
         by_name = {name: moved(f, name) for name in f.ids}
         sizes = Sizes(drive.gap_deg, drive.gap_deg, left(f), floor_deg, least)
-        part = part_of(f, f.evidence, by_name, partial(apart, f), worth, sizes)
-        parts += [] if part is None else [part]
+        parts += parts_of(f, f.evidence, by_name, partial(apart, f), worth, sizes)
     return parts
 
 
