@@ -151,7 +151,7 @@ def test_a_set_that_closes_nothing_on_held_out_trials_is_no_cause(tmp_path, monk
 
     def useless(*given):
         found = claimed(*given)
-        return dataclasses.replace(found, closed=dict.fromkeys(found.closed, 0.0), doubt={})
+        return dataclasses.replace(found, closed=dict.fromkeys(found.closed, 0.0), unsure={})
 
     monkeypatch.setattr(module, "claim", useless)
     document = run(tmp_path, tmp_path / "out")

@@ -24,8 +24,7 @@ EQUIVALENTS: Mapping[str, tuple[str, ...]] = {
     "quadratic_drag": (),
     # a zero that walks; creep that does not come back
     "shape_set": ("pressure_set", "sensor_slip", "creep"),
-    # a loss of gain at one moment, which may be the reading's, and where trials are few no moment
-    "tear": ("tear", "sensor_detachment", "thermal_drift"),
+    "tear": ("tear", "thermal_drift"),  # a drift where trials are too few to see the moment
     "pressure_cross_talk": (),
     "frozen_reading": ("sensor_freeze", "sensor_detachment"),
     "baseline_wander": ("mains_pickup",),  # an alias may be as slow

@@ -56,7 +56,7 @@ class Claim:
     closed: dict[Ids, float]  # what each leading explanation closes of the gap
     shrink: Shrink | None  # None where nothing is explained
     # 1 sigma of what each would close if it were right, by noise and scatter.
-    doubt: dict[Ids, float] = field(default_factory=dict)
+    unsure: dict[Ids, float] = field(default_factory=dict)
     # By how much each moves trials in a way that nobody can foretell, of the squared gap.
     by_chance: dict[Ids, float] = field(default_factory=dict)
     by_refit: float = 0.0  # what the plain model closes, identified again
@@ -65,7 +65,7 @@ class Claim:
         """Say whether a set may close enough, and as much as the plain model identified again."""
         surely = float(norm.ppf(SETTINGS.covered))  # deviations: as sure as what is named
         most = self.closed.get(named, 0.0) + self.by_chance.get(named, 0.0)
-        most += surely * self.doubt.get(named, 0.0)
+        most += surely * self.unsure.get(named, 0.0)
         least = SETTINGS.worth
         if at_port("coefficients", named) is None:
             least = max(least, self.by_refit - SETTINGS.gains)
@@ -105,13 +105,13 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         for named, curve in predicted.items()
     }
     floors = dict.fromkeys(judging, floor_deg)
-    doubt: dict[Ids, float] = {}
+    unsure: dict[Ids, float] = {}
     if not found.bench.noise.compared:  # a change is named only where it is sure
         without = refit if found.bench.own else plain
         for named, own in judging.items():
             # What these few trials happen to differ by is no gap, and nothing closes it.
             floors[named] = max(floor_deg, own.scatter(verdict.of(named).left_deg))
-            doubt[named] = own.unsure(without) / _gap_of(before, floors[named])
+            unsure[named] = own.unsure(without) / _gap_of(before, floors[named])
     closed = {named: _closed(before, errors[named], floors[named]) for named in predicted}
     taken_off = everything.line_deg > 0.0
     chance = {named: _by_chance(verdict.of(named), taken_off) for named in predicted}
@@ -125,7 +125,7 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         if at_port("line", first) is None:  # what is not named is no part of the gap
             scatter = float(np.hypot(scatter, everything.line_deg))
         made = shrink(everything, held, curves, scatter, rng)
-    return Claim(curves, errors, closed, made, doubt, by_chance, by_refit)
+    return Claim(curves, errors, closed, made, unsure, by_chance, by_refit)
 
 
 def _believed(scatter_deg: float, plain_deg: float, floor_deg: float, repeated: bool) -> float:
@@ -242,10 +242,7 @@ def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdic
 
 
 def if_it_varies(verdict: Verdict) -> Verdict:
-    """Take sets by which all trials are alike for a part at most: here something varies between.
-
-    So does what goes with the trials' order, or holds from a moment on.
-    """
+    """Take sets by which all trials are alike for a part at most, where trials are not."""
     alike = {s.named for s in verdict.scored if s.named and not any(map(_varies, s.named))}
     lost = sum(s.probability for s in verdict.scored if s.named in alike)
     if verdict.kind == "unknown" or not lost:
@@ -257,7 +254,8 @@ def if_it_varies(verdict: Verdict) -> Verdict:
 
 
 def _varies(name: str) -> bool:
-    return "order" in LIBRARY[name].shown_in or LIBRARY[name].port in ("zeros", "line")
+    """Whether trials differ by an effect: by their order, from a moment on, or each in a way."""
+    return "order" in LIBRARY[name].shown_in or not _in_gap((name,))
 
 
 def too_small_for_any(verdict: Verdict, own: bool = False) -> Verdict:

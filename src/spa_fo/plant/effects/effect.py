@@ -37,6 +37,7 @@ USUAL_RISE_S = 1.1
 _IN_TIME = {"s": 1.0, "1/s": -1.0, "kPa/s": -1.0}
 """Powers of a slow rig's time scale that what is plausible goes with, by unit."""
 ANY = (-np.inf, np.inf)
+"""Where a parameter is searched as far as its bounds let it be."""
 _GOES_WITH = {
     "deg": (1.0, 0.0),
     "deg per trial": (1.0, 0.0),
