@@ -11,11 +11,19 @@ from spa_fo import simulate
 from spa_fo.gap.data.evidence import collect, modelled_pressure
 from spa_fo.gap.fit.bench import rows_of
 from spa_fo.gap.fit.least_squares import starts
-from spa_fo.gap.fit.pressure import PressureProblem, timing_error
+from spa_fo.gap.fit.pressure import PressureProblem, resolution, timing_error
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import pressure_noise
 from spa_fo.gap.noise.whitening import Whitening
-from spa_fo.gap.search.drive import _WINDOWS, _beyond, _together, examine_drive
+from spa_fo.gap.search.drive import (
+    _WINDOWS,
+    _beyond,
+    _looked_at,
+    _noise,
+    _one_of_each,
+    _together,
+    examine_drive,
+)
 from spa_fo.plant.effects.library import LIBRARY, absent, rare
 from spa_fo.plant.memory import FINEST_STEP_S
 
@@ -239,6 +247,33 @@ def test_a_delay_that_is_nothing_alone_may_be_any_beside_another_effect():
     without = PressureProblem(evidence, whitening, ("line_lag", "slew_limit"))
     alone = [found.fits[(name,)] for name in without.ids]
     assert len(_together(without, alone)) <= 2 * len(alone[0].ends) * len(alone[1].ends)
+
+
+def test_only_trials_that_are_looked_at_are_simulated_but_where_one_goes_on_from_another():
+    evidence = driven([0.1, 0.1, 0.1], (SIXTY, 0.5 * SIXTY))
+    evidence = replace(evidence, takes_part=np.array([True, False, True, False, True, True]))
+    noise = _noise(evidence, resolution(evidence), None)
+    looked_at = _looked_at(evidence, noise, evidence.takes_part)
+    for ids in (("line_lag",), ("drive_backlash",)):
+        part, whitening = looked_at.by(ids)
+        goes_on = any(LIBRARY[name].carries_on for name in ids)
+        assert len(part.grid.trials) == (6 if goes_on else 4)
+        problems = [
+            PressureProblem(*those, ids, False, noise.of_trials)
+            for those in (looked_at.alone, looked_at.among_all)
+        ]
+        z = starts(problems[0], np.zeros(0))[0]
+        factor = whitening.factor(1.0, 0.05)
+        assert np.array_equal(*(one.measured for one in problems))
+        same = np.isclose(*(one.misfit(z, factor) for one in problems), rtol=1e-12)
+        assert same or goes_on
+
+
+def test_one_trial_of_each_experiment_says_which_pairs_are_worth_more():
+    evidence = driven([0.1, 0.1, 0.1], (SIXTY, 0.5 * SIXTY))
+    assert _one_of_each(evidence).tolist() == [True, False, False, True, False, False]
+    evidence = replace(evidence, takes_part=np.array([False, True, True, False, False, False]))
+    assert _one_of_each(evidence).tolist() == [False, True, False, False, False, False]
 
 
 @pytest.mark.parametrize("orifice_share", [0.0, 1.0])

@@ -18,6 +18,7 @@ from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, USUAL_RISE_S, Reach
 from spa_fo.plant.fixture import Fixture, fixture_of
 from spa_fo.plant.grid import CampaignGrid, campaign_grid
+from spa_fo.plant.grid_parts import only
 from spa_fo.plant.memory import STEPS_S
 from spa_fo.plant.sensor_curve import SHORTEST, curve_sigma, curve_stretch_of, sigma_at
 from spa_fo.plant.stages import true_pressure
@@ -106,6 +107,28 @@ class Evidence:
     def used(self) -> NDArray[np.bool_]:
         """Averaged samples of the trials that take part, (n,)."""
         return np.asarray(self.takes_part[self.grid.sample_trial])
+
+    def only(self, trials: NDArray[np.bool_]) -> Evidence:
+        """Leave trials out, as if they had not been run; what a reference misses stays unsaid."""
+        if trials.all():
+            return self
+        grid, samples = only(self.grid, trials), trials[self.grid.sample_trial]
+        alike = np.unique(self.alike[trials], return_index=True, return_inverse=True)
+        made = replace(
+            self,
+            grid=grid,
+            rows=[np.flatnonzero(grid.sample_trial == i) for i in range(len(grid.trials))],
+            alike=alike[1][alike[2]],
+            late_s=self.late_s[trials],
+            takes_part=self.takes_part[trials],
+            variance=self.variance[samples],
+            usual=None,
+            foreseen_deg=None,
+            late_deg=None,
+            vented=None if self.vented is None else self.vented[trials],
+        )
+        made.__dict__["reach"] = self.reach  # what is plausible stays
+        return made
 
     @property
     def has_pressure(self) -> bool:

@@ -14,7 +14,8 @@ a converter's step hides is the same whenever the value is, so trials share it, 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -155,6 +156,12 @@ class Whitening:
             half_log = -float(sum(np.sum(np.log(np.diag(own))) for own in whiteners))
             self._factors[level, share] = Factor(whiteners, half_log)
         return self._factors[level, share]
+
+    def renumbered(self, samples: Integers) -> Whitening:
+        """Return it where what was sample k of the grid is sample `samples[k]` of another one."""
+        made = copy(self)
+        made.rows = replace(self.rows, order=samples[self.rows.order])
+        return made
 
     def white(self, factor: Factor, values: Floats) -> Floats:
         """Whiten values at the rows, (rows,) or (rows, k)."""

@@ -11,10 +11,17 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from spa_fo.arrays import Floats
-from spa_fo.gap.data.evidence import Evidence, angle_chain
+from spa_fo.gap.data.evidence import Evidence, angle_chain, modelled_pressure
 from spa_fo.gap.fit.bench import SHARES, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
-from spa_fo.gap.fit.pressure import PressureProblem, blur, resolution, row_cells, timing_error
+from spa_fo.gap.fit.pressure import (
+    PressureProblem,
+    blur,
+    lagged,
+    resolution,
+    row_cells,
+    timing_error,
+)
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import PressureNoise, between_repeats, pressure_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening
@@ -122,17 +129,20 @@ def examine_drive(
         What is to be expected beside the sensor's noise, kPa².
     """
     step, lag_known = resolution(evidence), beyond is not None  # by the same sensor
-    whitening, noise = _whitening(evidence, step, beyond)
+    noise = _noise(evidence, step, beyond)
+    fitted = _looked_at(evidence, noise, evidence.takes_part)
+    rough = _looked_at(evidence, noise, _one_of_each(evidence))
 
-    def problem(ids: Ids) -> PressureProblem:
-        return PressureProblem(evidence, whitening, ids, lag_known, noise)
+    def problem(ids: Ids, looked_at: _LookedAt) -> PressureProblem:
+        return PressureProblem(*looked_at.by(ids), ids, lag_known, noise.of_trials)
 
     def alone(ids: Ids) -> DriveFit:
-        own = problem(ids)
-        return _fit(own, starts(own, np.zeros(0), _DELAYS_S), rooms)
+        own = problem(ids, fitted)
+        return _fit(own, starts(own, np.zeros(0), _DELAYS_S), evidence, rooms)
 
     def roughly(ids: Ids) -> tuple[float, list[Floats]]:
-        own, factor = problem(ids), whitening.factor(1.0, SETTINGS.search_share)
+        own = problem(ids, rough)
+        factor = own.whitening.factor(1.0, SETTINGS.search_share)
         begun = _together(own, [fits[(name,)] for name in ids])
         points = own.first_of(begun, factor, _BEST_STARTS)
         first, *others = sorted(
@@ -143,7 +153,7 @@ def examine_drive(
 
     rooms = _rooms(evidence, step)
     fits: dict[Ids, DriveFit] = {(): alone(())}
-    wander = 0.0 if noise is None else _wander(evidence, noise)
+    wander = 0.0 if noise.of_trials is None else _wander(evidence, noise.of_trials)
     late = fits[()].z[-1] > QUICK_S  # which may be the drive's, as far as the pressure goes
     if late or drive_of(evidence, fits, x).gap_deg > _NOTHING_DEG:
         names = [n for n, e in LIBRARY.items() if e.stage == "drive" and n not in excluded]
@@ -154,7 +164,9 @@ def examine_drive(
         pairs = list(dict.fromkeys(map(ordered, both)))
         begun = dict(zip(pairs, each(roughly, pairs), strict=True))
         promising = sorted(pairs, key=lambda ids: begun[ids][0])[:_PAIRED]
-        ended = each(lambda ids: _fit(problem(ids), begun[ids][1], rooms), promising)
+        ended = each(
+            lambda ids: _fit(problem(ids, fitted), begun[ids][1], evidence, rooms), promising
+        )
         fits |= {fit.ids: fit for fit in ended}
     return drive_of(evidence, fits, x, wander)
 
@@ -198,13 +210,19 @@ def rms_of(evidence: Evidence, change: Floats) -> float:
     return float(np.sqrt(np.average(change[used] ** 2, weights=evidence.grid.counts[used])))
 
 
-def _whitening(
-    evidence: Evidence, step_kpa: float, beyond: Spectrum | None
-) -> tuple[Whitening, PressureNoise | None]:
-    """Say what is noise at the rows of the pressure, and how large the gap is.
+@dataclass(frozen=True)
+class _Noise:
+    """What is noise of the measured pressure, and what repeats differ by."""
 
-    Beside `beyond`, which holds what repeats differ by, no more is known of trials.
-    """
+    known: Floats  # (n,), variance of each averaged sample, kPa²
+    differ: Floats  # (n,), by which trials do, kPa²
+    spectrum: Spectrum  # within a trial
+    hidden_kpa: float  # by a converter's step, 1 sigma
+    of_trials: PressureNoise | None  # None beside a reference: no more is known of them
+
+
+def _noise(evidence: Evidence, step_kpa: float, beyond: Spectrum | None) -> _Noise:
+    """Say what is noise; `beyond`, beside the sensor's own, holds what repeats differ by."""
     known, noise = timing_error(evidence) ** 2 + _BINNING_KPA**2, None
     spectrum = Spectrum(evidence.pressure_noise_kpa**2, np.zeros(CORRELATION_S.size))
     differ = np.zeros(known.size)
@@ -212,19 +230,44 @@ def _whitening(
         assert evidence.grid.measured_kpa is not None
         noise = pressure_noise(evidence, known)
         spectrum, differ = noise.spectrum, (noise.gain * evidence.grid.measured_kpa) ** 2
-    between = between_repeats(evidence, known + spectrum.coloured.sum() + differ)
-    rows = rows_of(evidence, known + between)
-    hidden = step_kpa / np.sqrt(12.0)
+    known = known + between_repeats(evidence, known + spectrum.coloured.sum() + differ)
     if beyond is not None:
         spectrum = spectrum.beside(beyond)
-    bare = PressureProblem(evidence, Whitening(rows, spectrum, np.zeros(rows.size)), ())
-    white = spectrum.white + hidden**2
-    coloured = spectrum.coloured.sum() + rows.merged(differ)
+    return _Noise(known, differ, spectrum, step_kpa / np.sqrt(12.0), noise)
+
+
+@dataclass(frozen=True)
+class _LookedAt:
+    """Trials whose pressure is looked at, by themselves and among all."""
+
+    alone: tuple[Evidence, Whitening]
+    among_all: tuple[Evidence, Whitening]
+
+    def by(self, ids: Ids) -> tuple[Evidence, Whitening]:
+        """Say what has to be simulated: all trials only where one goes on from another."""
+        carries_on = any(LIBRARY[name].carries_on for name in ids)
+        return self.among_all if carries_on else self.alone
+
+
+def _looked_at(evidence: Evidence, noise: _Noise, trials: NDArray[np.bool_]) -> _LookedAt:
+    """Make some trials ready, before processes share the work; how large their gap is, too."""
+    alone, samples = evidence.only(trials), np.flatnonzero(trials[evidence.grid.sample_trial])
+    rows, spectrum = rows_of(alone, noise.known[samples]), noise.spectrum
+    bare = PressureProblem(alone, Whitening(rows, spectrum, np.zeros(rows.size)), ())
+    white = spectrum.white + noise.hidden_kpa**2
+    coloured = spectrum.coloured.sum() + rows.merged(noise.differ[samples])
     squares = _beyond_noise(rows, white, coloured, bare.left(np.zeros(1)))
-    whitening = Whitening(rows, spectrum, local_size(rows, squares), hidden)
+    whitening = Whitening(rows, spectrum, local_size(rows, squares), noise.hidden_kpa)
     for share in (*SHARES, SETTINGS.search_share):
-        whitening.factor(1.0, share)  # before processes share the work
-    return whitening, noise
+        whitening.factor(1.0, share)
+    return _LookedAt((alone, whitening), (evidence, whitening.renumbered(samples)))
+
+
+def _one_of_each(evidence: Evidence) -> NDArray[np.bool_]:
+    """Choose the first of the trials that take part of each experiment, (trials,)."""
+    taking = np.flatnonzero(evidence.takes_part)
+    first = taking[np.unique(evidence.alike[taking], return_index=True)[1]]
+    return np.isin(np.arange(evidence.alike.size), first)
 
 
 def _beyond_noise(rows: Rows, white: float, coloured: Floats, left: Floats) -> Floats:
@@ -292,8 +335,10 @@ def _beyond(missed_kpa: Floats, starts: NDArray[np.int64], rooms_kpa: list[Float
     return shown
 
 
-def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]) -> DriveFit:
-    """Fit from the best of some points.
+def _fit(
+    problem: PressureProblem, points: list[Floats], everything: Evidence, rooms_kpa: list[Floats]
+) -> DriveFit:
+    """Fit from the best of some points, and predict all trials.
 
     Within `rooms_kpa` the sensor may differ from a fit that is believed.
     """
@@ -315,16 +360,19 @@ def _fit(problem: PressureProblem, points: list[Floats], rooms_kpa: list[Floats]
     evidence = np.array([log for log, _, _ in weighed])
     _, solution, top = weighed[int(np.argmax(evidence))]
     offset, gain = solution.coefficients[-3:-1]
-    shown, cells, grid = problem.predict(z), problem.cells(z), problem.evidence.grid
+    effects, grid = problem.effects(z), everything.grid
+    cells = modelled_pressure(everything, effects)
+    there = lagged(cells, grid.cell_starts, float(z[-1]))
+    shown = grid.read(there)
     assert grid.measured_kpa is not None
     assert grid.pressure_kpa is not None
-    sensed, there = (grid.pressure_kpa - offset) / (1.0 + gain), problem.shown(z)
+    sensed = (grid.pressure_kpa - offset) / (1.0 + gain)
     surely = _beyond(sensed - there, grid.cell_starts, rooms_kpa)
     return DriveFit(
         ids=problem.ids,
         z=z,
         ends=tuple(best.values())[:_FORMS],
-        effects=problem.effects(z),
+        effects=effects,
         cells_kpa=cells,
         believed_kpa=cells + surely,
         predicted_kpa=grid.sampled(cells),

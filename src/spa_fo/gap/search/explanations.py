@@ -218,14 +218,13 @@ def _three(
     fits: dict[Ids, Fitted],
     plain: Fitted,
 ) -> dict[Ids, Fitted]:
-    """Fit a third effect beside a pair, and the other pairs of what does best."""
-    found = _beside(ours, [pair], chained, linear, plain)
+    """Fit a third effect beside a pair, no rare one, and the other pairs of what does best."""
+    found = _beside(ours, [pair], [n for n in chained if not rare(n)], linear, plain)
     best = max(found.values(), key=_worth, default=pair)
     if SETTINGS.temper * (_worth(best) - _worth(pair)) > further_price():
         fewer = [tuple(n for n in best.ids if n != name) for name in best.ids]
-        missing = [ids for ids in fewer if ids not in fits]
-        points = [(ids, [without_others(best, ids)], plain) for ids in missing]
-        found |= _by_ids(ours(partial(_tried, fit), points))
+        missing = [(ids, [without_others(best, ids)]) for ids in fewer if ids not in fits]
+        found |= _fits(ours, missing, plain, best)
     return found
 
 

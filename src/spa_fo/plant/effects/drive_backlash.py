@@ -66,6 +66,7 @@ EFFECT = Effect(
     means="after a reversal of the command the pressure waits, as in a spindle or a dead band",
     remedy="take the play out of the pump's spindle, or approach every level from the same side",
     shown_in=("release", "levels"),
+    carries_on=True,
 )
 
 

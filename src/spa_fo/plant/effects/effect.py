@@ -201,6 +201,8 @@ class Effect:
     is_sum : bool
         Whether it is the sum of what each of its parameters makes by itself: any of them may be all
         that shows.
+    carries_on : bool
+        Whether a drive's goes on from where the trial before it left it.
     sees_angle : bool
         Whether `act` on an actuator is given the angle too: then the load that fits the angle is
         searched, which takes several simulations for one.
@@ -232,6 +234,7 @@ class Effect:
     act: Callable[..., Any] | None = None
     half_loop: Callable[..., Any] | None = None
     is_sum: bool = False
+    carries_on: bool = False
     sees_angle: bool = True
     odds: float = 1.0
     source: Path | str = "library"
