@@ -98,7 +98,7 @@ def test_shape_order_and_start():
         (0, math.nan),
         (0, math.inf),
         (0, 1e101),
-        (1, 2.0),
+        (1, 2.0001),
         (1, 1.1),
         (2, 0.0),
         (3, -0.1),
@@ -116,6 +116,34 @@ def test_refuses_what_is_outside_the_domain(position, value):
 def test_refuses_a_jacobian_at_a_matrix_of_times():
     with pytest.raises(ValueError, match="one-dimensional"):
         step_response_jacobian([[1.0]], *X)
+
+
+@pytest.mark.parametrize("x", [(2.0, 0.8, 0.9, 4.0, 2.0), (2.0, 1.6, 0.3, 1.0, 0.5)])
+def test_an_actuator_with_a_mass_against_multiple_precision(x):
+    t = [0.02, 0.3, 1.0, 3.0, 9.0]
+    expected = [float(naive_step_response(one, x)) for one in t]
+    np.testing.assert_allclose(step_response(t, *x), expected, rtol=1e-11)
+    ahead = step_response_jacobian(t, *x)
+    for k, h in enumerate([-1e-6, 1e-6, 1e-6, 1e-6, 1e-6]):
+        moved = np.array(x) + h * np.eye(5)[k]
+        slope = (step_response(t, *moved) - step_response(t, *x)) / h
+        np.testing.assert_allclose(ahead[:, k], slope, atol=1e-5)
+
+
+@given(st.floats(0.02, 1.5), st.floats(0.2, 100.0))
+def test_a_mass_on_a_damped_spring_is_the_textbooks(damping, a0):
+    omega = math.sqrt(a0)
+    x = 2.0, 1.0, 2.0 * damping * omega, a0, a0
+    t = np.linspace(0.0, 20.0 / omega, 60)
+    root = np.sqrt(complex(damping**2 - 1.0)) * omega + 1e-9j
+    p, q = -damping * omega + root, -damping * omega - root
+    expected = 1.0 + ((q * np.exp(p * t) - p * np.exp(q * t)) / (p - q)).real
+    np.testing.assert_allclose(step_response(t, *x), expected, atol=1e-6)
+
+
+def test_a_mass_that_nothing_damps_is_refused():
+    with pytest.raises(ValueError, match="a1 must be positive where alpha2 = 2"):
+        step_response(1.0, 2.0, 1.0, 0.0, 1.0, 1.0)
 
 
 @settings(deadline=None, max_examples=60)

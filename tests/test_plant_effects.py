@@ -324,6 +324,14 @@ def test_without_effects_it_is_the_linear_model(
         np.testing.assert_allclose(found, linear, atol=tolerance_deg)
 
 
+@pytest.mark.parametrize(("alpha1", "a1"), [(0.5, 2.0), (1.3, 0.6), (1.99, 4.0)])
+def test_a_model_may_have_a_mass(alpha1: float, a1: float) -> None:
+    """Of other hands' models two came with alpha2 = 2, where their identification was bounded."""
+    x, level = np.array([2.0, alpha1, a1, 6.0, 6.0]), np.repeat([0, 2], [100, 100])
+    expected = step_response(np.cumsum(STEPS_S[level]), *x)
+    np.testing.assert_allclose(modal_step(x, level, x), expected, atol=2e-3)
+
+
 STEP_S = 0.01
 REFERENCE = math.radians(60.0)
 

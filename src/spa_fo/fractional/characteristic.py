@@ -17,8 +17,8 @@ def check_parameters(
 ) -> tuple[float, float, float, float, float]:
     """Return the five parameters as floats, or refuse them.
 
-    The domain is 0 < α1 < α2 < 2, a1 >= 0, a0 > 0 and any finite b0: there G(s) is stable, has
-    the static gain b0/a0 and at most one conjugate pair of poles.
+    The domain is 0 < α1 < α2 <= 2, a1 >= 0, a0 > 0 and any finite b0, and of α2 = 2 a1 > 0: there
+    G(s) is stable, has the static gain b0/a0 and at most one conjugate pair of poles.
 
     Raises
     ------
@@ -28,12 +28,14 @@ def check_parameters(
     values = tuple(float(value) for value in (alpha2, alpha1, a1, a0, b0))
     if not all(math.isfinite(value) for value in values):
         raise ValueError(f"parameters must be finite, got {values}")
-    if not 0.0 < values[1] < values[0] < 2.0:
+    if not 0.0 < values[1] < values[0] <= 2.0:
         raise ValueError(
-            f"orders must satisfy 0 < alpha1 < alpha2 < 2, got alpha1={alpha1}, alpha2={alpha2}"
+            f"orders must satisfy 0 < alpha1 < alpha2 <= 2, got alpha1={alpha1}, alpha2={alpha2}"
         )
     if values[2] < 0.0:
         raise ValueError(f"a1 must not be negative, got {a1}")
+    if values[2] == 0.0 and values[0] == 2.0:
+        raise ValueError("a1 must be positive where alpha2 = 2: nothing else damps")
     if values[3] <= 0.0:
         raise ValueError(f"a0 must be positive, got {a0}")
     return values[0], values[1], values[2], values[3], values[4]

@@ -289,7 +289,7 @@ def step_response(
     t : array_like
         Times in s, not negative and at most 1e100, in any order and shape.
     alpha2, alpha1 : float
-        Orders, 0 < alpha1 < alpha2 < 2.
+        Orders, 0 < alpha1 < alpha2 <= 2.
     a1, a0, b0 : float
         Coefficients; a1 >= 0, a0 > 0.
 

@@ -13,7 +13,7 @@ PARAMETERS = ("alpha2", "alpha1", "a1", "a0", "b0")
 """Names of the five parameters, in the order of every array of parameters."""
 
 ORDER_LIMIT = 2.0
-"""Both orders lie strictly between zero and this."""
+"""Both orders are above zero; alpha2 is this at most, where the actuator has a mass."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class TransferFunction:
     Parameters
     ----------
     alpha2, alpha1 : float
-        Orders, 0 < alpha1 < alpha2 < 2.
+        Orders, 0 < alpha1 < alpha2 <= 2.
     a1, a0, b0 : float
         Coefficients; a1 and a0 are positive.
 
@@ -46,9 +46,9 @@ class TransferFunction:
         for name, value in zip(PARAMETERS, astuple(self), strict=True):
             if not math.isfinite(value):
                 raise ValueError(f"{name} must be a finite number, not {value}")
-        if not 0 < self.alpha1 < self.alpha2 < ORDER_LIMIT:
+        if not 0 < self.alpha1 < self.alpha2 <= ORDER_LIMIT:
             raise ValueError(
-                "the orders must satisfy 0 < alpha1 < alpha2 < 2, "
+                "the orders must satisfy 0 < alpha1 < alpha2 <= 2, "
                 f"not alpha1 = {self.alpha1}, alpha2 = {self.alpha2}"
             )
         for name in ("a1", "a0"):
