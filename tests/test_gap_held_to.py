@@ -522,3 +522,24 @@ def test_what_varies_between_trials_is_hardly_a_gap_on_an_ordinary_bench_alone(
 def test_what_is_less_probable_is_not_said_to_be_refuted(likely: float, says: str) -> None:
     doubtful = replace(answer({("creep",): likely}, 1.0 - likely), sets=())
     assert says in findings(doubtful, own=False, repeats=True, floor_deg=0.3)[0]
+
+
+@pytest.mark.parametrize(("beside", "kind"), [(True, "cause"), (False, "unknown")])
+def test_trials_that_vary_beside_no_set_are_as_its_own_memory_has_them(
+    beside: bool, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What remembers earlier trials lets repeats differ, though it is the same in all."""
+    place = sys.modules["spa_fo.gap.diagnose"]
+    verdict = answer({("sensor_hysteresis",): 0.9}, 0.1)
+    known = {"is_hardly_a_gap": False, "leaves_trials_alike": beside, "against_laws": verdict}
+    for name, value in known.items():
+        monkeypatch.setattr(place, name, lambda *_, value=value: value)
+    one = examined(repeats=4)
+    one.found.bench.noise.is_ordinary, one.found.bench.own = False, False
+    one.everything.grid = SimpleNamespace(
+        counts=np.ones(50), angle_deg=np.zeros(50), sample_trial=np.zeros(50)
+    )
+    asked = SimpleNamespace(**{**vars(one), "drive": None, "verdict": verdict})
+    curves = {"plain": np.ones(50), "explained": np.ones(50)}
+    claimed = replace(claims({("sensor_hysteresis",): 0.9}), curves=curves)
+    assert held_against_trials(cast(Any, asked), claimed).kind == kind

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
+from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials, vector
 from spa_fo import simulate
-from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.data.evidence import Evidence, angle_chain, collect
 from spa_fo.gap.noise import bench_noise as module
-from spa_fo.gap.noise.bench_noise import BenchNoise, bench_noise, shown_of_gain
+from spa_fo.gap.noise.bench_noise import BenchNoise, bench_noise, noise_beside, shown_of_gain
 from spa_fo.gap.noise.coloured import (
     CORRELATION_S,
     TYPICAL_DEG,
@@ -29,6 +29,7 @@ from spa_fo.gap.noise.coloured import (
 )
 from spa_fo.gap.noise.dwell_error import UNKNOWN, DwellError, dwell_error
 from spa_fo.gap.settings import SETTINGS
+from spa_fo.plant.effects.library import absent
 from spa_fo.rig.calibration import Calibration, calibrate
 
 Floats = NDArray[np.float64]
@@ -192,6 +193,27 @@ def test_the_scatter_of_gain_is_found_though_the_sensor_stops(
     assert found.scatter.gain == pytest.approx(0.04, rel=0.3)
     monkeypatch.setattr(module, "shown_of_gain", lambda plain, angle: np.ones(plain.size))
     assert bench_noise(evidence, x).scatter.gain < 0.75 * found.scatter.gain
+
+
+def test_what_a_softening_lets_repeats_differ_by_is_no_scatter_beside_it() -> None:
+    steps = [step_release(level) for level in (SIXTY, 0.6 * SIXTY) for _ in range(4)]
+    evidence, x = collect(campaign_data(trials(*steps))), np.array(X)
+    chain, e = angle_chain(evidence, x, None), vector("mullins_softening", fraction=0.8)
+    softened = chain.run(x, e)[0]
+    own = 1.0 + 0.01 * np.random.default_rng(5).standard_normal(len(steps))
+    noisy = own[evidence.grid.sample_trial] * softened
+    noisy += 0.05 * np.random.default_rng(6).standard_normal(softened.size)
+    evidence = replace(evidence, grid=replace(evidence.grid, angle_deg=noisy))
+    by_itself, beside = bench_noise(evidence, x), noise_beside(evidence, x, softened)
+    assert not by_itself.is_ordinary
+    assert beside.is_ordinary
+    assert beside.scatter.gain == pytest.approx(0.01, rel=0.5)
+    # What lets all repeats be alike changes nothing.
+    plain = chain.run(x, absent())[0]
+    alike = noise_beside(evidence, x, plain)
+    assert alike.scatter.gain == pytest.approx(by_itself.scatter.gain, rel=1e-2)
+    assert not alike.is_ordinary
+    assert np.array_equal(evidence.grid.angle_deg, noisy)
 
 
 # --- the fixture ----------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ from spa_fo.gap.claim.claimed import (
     held_to,
     if_it_varies,
     is_hardly_a_gap,
+    leaves_trials_alike,
     model_of,
     on_all_trials,
     too_large_for_none,
@@ -263,7 +264,9 @@ def held_against_trials(examined: Examined, claimed: Claim, progress: Progress =
     steady = drive is None or drive.is_ordinary
     if not (bench.noise.is_ordinary and steady):
         verdict = too_large_for_none(verdict)  # what varies is in the gap and in the floor alike
-        return if_it_varies(verdict) if steady else verdict
+        if steady and not leaves_trials_alike(verdict, examined):
+            verdict = if_it_varies(verdict)
+        return verdict
     return too_small_for_any(verdict, own) if repeats and hardly else verdict
 
 

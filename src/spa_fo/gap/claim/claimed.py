@@ -25,6 +25,7 @@ from spa_fo.gap.decide.explanation import (
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judged_anew
 from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.fit.bench import Bench
+from spa_fo.gap.noise.bench_noise import noise_beside
 from spa_fo.gap.noise.coloured import level_spread
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
@@ -239,6 +240,18 @@ def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdic
     closed = {} if claimed is None else claimed.closed
     parts = [named for named in again.sets if closed.get(named, 0.0) >= SETTINGS.worth]
     return replace(again, sets=tuple(parts))
+
+
+def leaves_trials_alike(verdict: Verdict, examined: Examined) -> bool:
+    """Whether trials differ by no more than on benches beside the leading set of an answer.
+
+    By what remembers earlier trials they may differ, too.
+    """
+    if not verdict.sets:
+        return False
+    first = exact(verdict.of(verdict.sets[0]), examined)
+    explained_deg = simulate(first, examined.everything)
+    return noise_beside(examined.everything, examined.given, explained_deg).is_ordinary
 
 
 def if_it_varies(verdict: Verdict) -> Verdict:

@@ -5,7 +5,7 @@ Said beside a diagnosis, and known before anything is fitted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -219,6 +219,28 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
         scattered = beyond.scatter
     foreseen = own.beside(beyond.angle)
     return BenchNoise(foreseen, scattered, fixture, compared=True, foreseen_deg=beyond.angle_deg)
+
+
+def noise_beside(evidence: Evidence, x: Floats, explained_deg: Floats) -> BenchNoise:
+    """Estimate what the bench adds beside an explanation, which may let repeats differ.
+
+    What remembers earlier trials does, and what it lets them differ by is no scatter.
+
+    Parameters
+    ----------
+    evidence, x : Evidence, (5,) array
+        The campaign, and the given model's coefficients.
+    explained_deg : (n,) array
+        What the explanation predicts at the averaged samples.
+    """
+    grid, times = evidence.grid, evidence.course_s
+    angle_deg = grid.angle_deg - explained_deg
+    for alike in repeats(evidence, explained_deg, np.ones(len(grid.trials), dtype=bool)):
+        mean = np.nanmean(alike.values, axis=0)
+        for trial in alike.trials:
+            own = evidence.rows[trial]
+            angle_deg[own] += np.interp(times[own], times[alike.rows], mean)
+    return bench_noise(replace(evidence, grid=replace(grid, angle_deg=angle_deg)), x)
 
 
 def shown_of_gain(plain_deg: Floats, angle_deg: Floats) -> Floats:
