@@ -23,6 +23,7 @@ from spa_fo.gap.noise.coloured import (
     Differences,
     Scatter,
     Spectrum,
+    _deviation,
     contrasts,
     estimate,
     scatter,
@@ -128,6 +129,28 @@ def test_scatter_is_found_and_is_no_noise() -> None:
     assert found.gain == pytest.approx(own.gain, rel=0.4)
     assert found.time_scale == pytest.approx(own.time_scale, rel=0.4)
     assert found.rest_deg == pytest.approx(own.rest_deg, rel=0.4)
+
+
+@given(values=st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=8), typical=st.floats(0.05, 2.0))
+def test_values_without_errors_scatter_by_their_mean_square(values: list[float], typical: float):
+    exactly = _deviation(np.array(values), np.zeros(len(values)), typical)
+    squares = 2.0 * typical**2 + np.sum(np.square(values))
+    assert exactly == pytest.approx(np.sqrt(squares / (2.0 + len(values))), rel=1e-3)
+
+
+def test_what_hardly_tells_a_scatter_hardly_counts() -> None:
+    """Of transients that two of many experiments lack a time scale may seem to be anything."""
+    rng = np.random.default_rng(11)
+    known, unsure = 0.02 * rng.standard_normal(40), 0.6 * rng.standard_normal(4)
+    errors = np.concatenate([np.full(40, 0.005), np.full(4, 0.5)])
+    values = np.concatenate([known + 0.005 * rng.standard_normal(40), unsure])
+    found = _deviation(values, errors**2, 0.01)
+    assert found == pytest.approx(0.02, rel=0.25)
+    assert found == pytest.approx(_deviation(values[:40], errors[:40] ** 2, 0.01), rel=0.02)
+    # As much as errors make of nothing is no scatter.
+    nothing = _deviation(errors * rng.standard_normal(44), errors**2, 0.01)
+    assert nothing < 0.012
+    assert _deviation(np.ones(3), np.zeros(3), 0.0) == 0.0
 
 
 def test_a_periodic_interference_is_no_noise() -> None:

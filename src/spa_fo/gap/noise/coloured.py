@@ -19,7 +19,7 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, helmert, null_space, orth, solve_triangular
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.searched import wave
@@ -39,6 +39,8 @@ _LINE_HZ = np.linspace(0.03, 3.2, 400)
 _REGULAR = 1e-6  # variance that keeps the covariance of a smooth signal regular
 _ALWAYS_UNSURE = 0.15  # nat, of ln(noise level), however many repeats there are. Assumed.
 _OWN_FREEDOM = 2.0  # degrees of freedom that a bench's typical scatter counts as
+_TOLD = [1, 0, 3]  # where gain, zero and time scale stand among what is fitted to a contrast
+_LOG_SCATTERS = np.linspace(-np.log(30.0), np.log(100.0), 41)  # about a typical one
 
 
 @dataclass(frozen=True)
@@ -285,20 +287,42 @@ def scatter(
     zeros_deg: Floats | None = None,
     gains: Floats | None = None,
 ) -> Scatter:
-    """Estimate what trials scatter by, about what is typical.
+    """Estimate what trials scatter by, about what is typical: the most probable variance of each.
 
-    `zeros_deg` and `gains`, (trials,), are what is known to go with their order.
+    An experiment whose transients hardly tell its trials' time scales counts as little as that.
+
+    `zeros_deg` and `gains`, (trials,), are what is known to go with their order. What is typically
+    0 is 0.
     """
-    squares, freedom = np.zeros(3), _OWN_FREEDOM
+    values, errors = [np.zeros((0, 4))], [np.zeros((0, 4))]
     for d in differences:
         fitted, variance = d.own(spectrum)
         if zeros_deg is not None:
             fitted[:, 0] -= d.between @ zeros_deg
         if gains is not None:
             fitted[:, 1] -= d.between @ gains
-        which = [1, 0, 3]  # gain, zero, time scale
-        squares += np.sum(fitted[:, which] ** 2, axis=0) - len(fitted) * variance[which]
-        freedom += len(fitted)
-    start = _OWN_FREEDOM * np.square(astuple(typical))
-    gain, rest, scale = np.sqrt((start + np.maximum(squares, 0.0)) / freedom)
-    return Scatter(float(gain), float(rest), float(scale))
+        values.append(fitted)
+        errors.append(np.broadcast_to(variance, fitted.shape))
+    each = zip(
+        np.vstack(values).T[_TOLD], np.vstack(errors).T[_TOLD], astuple(typical), strict=True
+    )
+    return Scatter(*(_deviation(*one) for one in each))
+
+
+def _deviation(values: Floats, variance: Floats, typical: float) -> float:
+    """Find the deviation that values, (n,), with errors of their own, scatter by about 0.
+
+    Beforehand its square is as if `_OWN_FREEDOM` such values had been of a typical size.
+    """
+    if typical == 0.0 or not values.size:
+        return typical
+
+    def loss(log: float) -> float:
+        square = math.exp(2.0 * log)
+        own = _OWN_FREEDOM * (2.0 * log + typical**2 / square)
+        return own + float(np.sum(np.log(square + variance) + values**2 / (square + variance)))
+
+    tried = math.log(typical) + _LOG_SCATTERS
+    best = int(np.argmin([loss(log) for log in tried.tolist()]))
+    near = tried[max(best - 1, 0)], tried[min(best + 1, tried.size - 1)]
+    return math.exp(minimize_scalar(loss, bounds=near, method="bounded").x)
