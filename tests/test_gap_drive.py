@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import collect, modelled_pressure
+from spa_fo.gap.fit.believed import WINDOWS, surely_shown
 from spa_fo.gap.fit.bench import rows_of
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.pressure import PressureProblem, resolution, timing_error
@@ -16,8 +17,6 @@ from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import pressure_noise
 from spa_fo.gap.noise.whitening import Whitening
 from spa_fo.gap.search.drive import (
-    _WINDOWS,
-    _beyond,
     _looked_at,
     _noise,
     _one_of_each,
@@ -184,15 +183,15 @@ def test_when_a_row_is_read_is_no_error_of_the_drive(every, late):
 def test_a_slow_part_within_the_room_of_single_rows_is_believed_and_noise_is_not():
     starts, rng = np.array([0, 300, 300 + 40, 600]), np.random.default_rng(4)
     noise = 0.3 * rng.standard_normal(600)
-    rooms = [np.full(600, 0.6 / np.sqrt(window)) for window in _WINDOWS]
+    rooms = [np.full(600, 0.6 / np.sqrt(window)) for window in WINDOWS]
     slow = 0.5 * np.sin(np.arange(600) / 60.0)
-    believed = _beyond(slow + noise, starts, rooms)
+    believed = surely_shown(slow + noise, starts, rooms)
     assert np.corrcoef(believed, slow)[0, 1] > 0.95
     assert np.sqrt(np.mean((believed - slow) ** 2)) < 0.15
-    assert np.sqrt(np.mean(_beyond(noise, starts, rooms) ** 2)) < 0.05
+    assert np.sqrt(np.mean(surely_shown(noise, starts, rooms) ** 2)) < 0.05
     # By single rows alone none of it is.
-    alone = [np.full(600, np.inf)] * (len(_WINDOWS) - 1) + rooms[-1:]
-    assert (_beyond(slow, starts, alone) == 0.0).all()
+    alone = [np.full(600, np.inf)] * (len(WINDOWS) - 1) + rooms[-1:]
+    assert (surely_shown(slow, starts, alone) == 0.0).all()
 
 
 def test_a_jump_is_uncertain_by_its_size_and_a_ramp_by_its_rate():

@@ -14,7 +14,7 @@ from spa_fo.gap.data.evidence import Evidence, collect
 from spa_fo.gap.decide.weigh import _weighed_drive, decide_drive
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.pressure import lagged
-from spa_fo.gap.search.drive import Drive, examine_drive
+from spa_fo.gap.search.drive import QUICK_S, Drive, examine_drive
 from spa_fo.gap.search.drive_by_angle import joined
 from spa_fo.gap.search.explanations import explain
 from spa_fo.gap.settings import SETTINGS
@@ -76,6 +76,25 @@ def test_the_angle_says_whether_the_drive_was_late(drive_lags):
         assert known.best.ids == ()
         assert known.best.z[-1] == pytest.approx(LAG_S, abs=0.01)
         assert known.gap_deg < 0.05
+
+
+@pytest.mark.parametrize("drive_lags", [False, True])
+def test_a_sensor_that_need_not_lag_is_tried_without(drive_lags):
+    evidence = campaign(drive_lags)
+    alone, known = told_apart(evidence)
+    shared = [f for f in alone.fits.values() if f.z[-1] > QUICK_S]
+    assert shared
+    for fit in shared:
+        if fit.prompt is not None:
+            assert fit.prompt.z[-1] == 0.0
+            assert fit.prompt.evidence.max() <= fit.evidence.max() + 0.01
+    # All of it may be the line's, and hardly any of it a command's that nothing filters.
+    line, command = (alone.fits[ids] for ids in (("line_lag",), ()))
+    lag_of_line = line if line.prompt is None else line.prompt
+    assert lag_of_line.z[0] == pytest.approx(LAG_S, abs=0.01)
+    if command.prompt is not None:
+        assert command.prompt.evidence.max() < command.evidence.max() - 100.0
+    assert known.best.z[-1] < QUICK_S if drive_lags else known.best.z[-1] > QUICK_S
 
 
 @pytest.mark.parametrize(("of_gap", "named"), [(1.1, ()), (0.4, ("line_lag",))])

@@ -382,17 +382,23 @@ def test_what_the_bench_adds_is_said_where_trials_were_repeated() -> None:
     assert BenchNoise(alone, own, both).sentence() == ""
 
 
-@pytest.mark.parametrize(("gain", "time_scale"), [(0.14, 0.01), (0.01, 0.09)])
+@pytest.mark.parametrize(
+    ("gain", "rest_deg", "time_scale"), [(0.14, 0.2, 0.01), (0.01, 1.3, 0.01), (0.01, 0.2, 0.09)]
+)
 def test_trials_that_differ_by_more_than_those_of_benches_show_something(
-    gain: float, time_scale: float
+    gain: float, rest_deg: float, time_scale: float
 ) -> None:
     spectrum = Spectrum(0.01, np.full(6, 0.01), repeats=4)
     ordinary = BenchNoise(spectrum, Scatter(0.03, 0.2, 0.03), UNKNOWN)
-    wild = replace(ordinary, scatter=Scatter(gain, 0.2, time_scale))
+    wild = replace(ordinary, scatter=Scatter(gain, rest_deg, time_scale))
     assert ordinary.is_ordinary
     assert not wild.is_ordinary
     assert "something varies between them" in wild.sentence()
     assert "something varies between them" not in ordinary.sentence()
+    # So does what goes with their order, whatever it is called.
+    assert not replace(ordinary, zeros_deg=np.repeat([0.0, 2.6], 4)).is_ordinary
+    assert not replace(ordinary, gains=np.repeat([0.0, 0.12], 4)).is_ordinary
+    assert replace(ordinary, zeros_deg=np.repeat([0.0, 1.0], 4)).is_ordinary
 
 
 def test_a_time_scale_that_few_repeats_tell_is_ordinary_for_longer() -> None:

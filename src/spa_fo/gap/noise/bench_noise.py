@@ -69,16 +69,19 @@ class BenchNoise:
 
     @property
     def is_ordinary(self) -> bool:
-        """Whether gain, by its order too, and time scale vary by no more than on benches.
+        """Whether gain and rest angle, by their order too, and time scale vary as on benches.
 
         A time scale is told by a trial's transients alone, so it may be off by as much as its
         repeats leave it unsure.
         """
-        most = SETTINGS.most_scatter * SETTINGS.scatter
-        of_order = 0.0 if self.gains is None else float(self.gains.std())
-        gain = float(np.hypot(self.scatter.gain, of_order))
+        s, own = SETTINGS, self.scatter
         unsure = float(np.exp(level_spread(self.spectrum.repeats)))
-        return gain <= most and self.scatter.time_scale <= most * unsure
+        times = (
+            _with_order(own.gain, self.gains) / s.scatter,
+            _with_order(own.rest_deg, self.zeros_deg) / s.rest_scatter_deg,
+            own.time_scale / s.scatter / unsure,
+        )
+        return max(times) <= s.most_scatter
 
     def floor_deg(self, angle_deg: Floats) -> float:
         """Give what trials of these angles would differ by from their mean, RMS, deg."""
@@ -110,6 +113,11 @@ class BenchNoise:
             text += f" The calibration's known angles err by about {self.fixture.deg:.2g}°"
             text += " from dwell to dwell." if self.fixture.mark_deg else "."
         return text
+
+
+def _with_order(scattered: float, ordered: Floats | None) -> float:
+    """Give by how much trials differ, 1 sigma, scatter and what goes with their order together."""
+    return float(np.hypot(scattered, 0.0 if ordered is None else ordered.std()))
 
 
 NOWHERE = 0.9

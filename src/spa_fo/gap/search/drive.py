@@ -8,33 +8,28 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence, angle_chain, modelled_pressure
+from spa_fo.gap.fit.believed import rooms_of, surely_shown
 from spa_fo.gap.fit.bench import SHARES, local_size, rows_of
 from spa_fo.gap.fit.least_squares import starts
 from spa_fo.gap.fit.pressure import (
     PressureProblem,
-    blur,
     lagged,
     resolution,
-    row_cells,
     timing_error,
 )
 from spa_fo.gap.noise.coloured import CORRELATION_S, Spectrum
 from spa_fo.gap.noise.pressure_noise import PressureNoise, between_repeats, pressure_noise
 from spa_fo.gap.noise.whitening import Rows, Whitening
+from spa_fo.gap.prior import log_prior
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.effects.library import LIBRARY, Ids, absent, beside, ordered
 from spa_fo.plant.memory import FINEST_STEP_S
 from spa_fo.together import each
 
 _BINNING_KPA = 0.02  # error of averaging a pressure over a step
-_BLUR = 0.5  # of the change of pressure about a cell: when exactly it changed is not known
-_LATE = 0.15  # part of it that all rows have alike: assumed, so that a perfect drive has no gap
-_ROOM = 2.0  # deviations of the pressure's noise within which the model is believed
-_WINDOWS = (65, 17, 5, 1)  # cells over which the measured pressure is averaged, slow ones first
 # Of the command, RMS: on opened rigs of others regulators wander by 1 % at most, and supplies that
 # cycle make 4.6 and 7.3 %. Assumed in between.
 _MOST_WANDER = 0.03
@@ -47,6 +42,7 @@ _FORMS = 4  # of an effect that are tried beside another
 # A jump that comes late by more than a cell does not say which way it should move.
 _DELAYS_S = (0.01, *(np.arange(1, 76, 2) * FINEST_STEP_S).tolist())
 QUICK_S = 0.01  # a sensor's lag that no actuator feels
+NEAR = 60.0  # nats behind the best explanation of the pressure, which an angle may make up for
 _NOTHING_DEG = 0.02  # what the drive misses, in degrees of a static actuator
 
 
@@ -65,6 +61,8 @@ class DriveFit:
     sigma: Floats  # errors of `z`
     evidence: Floats  # (shares,), log evidence for each of `SHARES`
     left_kpa: float  # RMS of the residual beyond noise
+    # The same with a sensor that does not lag, where this one's does and it comes near the best.
+    prompt: DriveFit | None = None
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ def examine_drive(
         )
         return first.at.value, [first.z, *(other.z for other in others)]
 
-    rooms = _rooms(evidence, step)
+    rooms = rooms_of(evidence, step)
     fits: dict[Ids, DriveFit] = {(): alone(())}
     wander = 0.0 if noise.of_trials is None else _wander(evidence, noise.of_trials)
     late = fits[()].z[-1] > QUICK_S  # which may be the drive's, as far as the pressure goes
@@ -168,7 +166,16 @@ def examine_drive(
             lambda ids: _fit(problem(ids, fitted), begun[ids][1], evidence, rooms), promising
         )
         fits |= {fit.ids: fit for fit in ended}
+    least = max(map(worth, fits.values())) - NEAR
+    lagging = [f for f in fits.values() if f.z[-1] > QUICK_S and worth(f) > least]
+    prompt = each(lambda f: _prompt(problem(f.ids, fitted), f, evidence, rooms), lagging)
+    fits |= {f.ids: replace(f, prompt=one) for f, one in zip(lagging, prompt, strict=True)}
     return drive_of(evidence, fits, x, wander)
+
+
+def worth(fitted: DriveFit) -> float:
+    """Say what a fit is worth, nats."""
+    return float(fitted.evidence.max()) + log_prior(fitted.ids) / SETTINGS.temper
 
 
 def _together(own: PressureProblem, singles: Sequence[DriveFit]) -> list[Floats]:
@@ -285,60 +292,10 @@ def _beyond_noise(rows: Rows, white: float, coloured: Floats, left: Floats) -> F
     return squares
 
 
-def _rooms(evidence: Evidence, step_kpa: float) -> list[Floats]:
-    """Say by how much means of the measured pressure err, (cells,) for each of `_WINDOWS`, kPa.
-
-    A converter's step averages out where the reading goes through many, noise over the rows. When
-    each was read does in part: some of it is one lateness, which shifts a ramp's means alike.
-    """
-    grid = evidence.grid
-    assert grid.pressure_kpa is not None
-    way, change = blur(evidence)
-    moved = np.diff(grid.pressure_kpa, prepend=grid.pressure_kpa[:1]) != 0.0
-    rooms = []
-    for window in _WINDOWS:
-        rows = np.maximum(_counts(grid.cell_starts, window) / row_cells(evidence), 1.0)
-        steps = np.maximum(_means(moved.astype(np.float64), grid.cell_starts, window) * rows, 1.0)
-        blurred = _BLUR * np.sqrt(np.maximum(_means(change**2, grid.cell_starts, window), 0.0))
-        late = _LATE * _BLUR * np.abs(_means(way, grid.cell_starts, window))
-        noise = (_ROOM * evidence.pressure_noise_kpa + blurred) / np.sqrt(rows)
-        rooms.append(0.5 * step_kpa / steps + noise + late)
-    return rooms
-
-
-def _means(values: Floats, starts: NDArray[np.int64], window: int) -> Floats:
-    """Average what stands on the cells over windows about each, within its trial."""
-    sums = _summed(values, starts, window)
-    return sums / _counts(starts, window)
-
-
-def _counts(starts: NDArray[np.int64], window: int) -> Floats:
-    """Say how many cells of its trial are in the window about each."""
-    return _summed(np.ones(int(starts[-1])), starts, window)
-
-
-def _summed(values: Floats, starts: NDArray[np.int64], window: int) -> Floats:
-    parts = np.split(values, starts[1:-1])
-    means = [uniform_filter1d(part, window, mode="constant") for part in parts]
-    return window * np.concatenate(means)
-
-
-def _beyond(missed_kpa: Floats, starts: NDArray[np.int64], rooms_kpa: list[Floats]) -> Floats:
-    """Give what a sensor surely shows of what a fit misses, (cells,): slow parts, then quick ones.
-
-    What a mean over a window shows beyond its room is no error of the sensor.
-    """
-    shown = np.zeros(missed_kpa.size)
-    for window, room in zip(_WINDOWS, rooms_kpa, strict=True):
-        mean = _means(missed_kpa - shown, starts, window)
-        shown += mean - np.clip(mean, -room, room)
-    return shown
-
-
 def _fit(
     problem: PressureProblem, points: list[Floats], everything: Evidence, rooms_kpa: list[Floats]
 ) -> DriveFit:
-    """Fit from the best of some points, and predict all trials.
+    """Fit from the best of some points.
 
     Within `rooms_kpa` the sensor may differ from a fit that is believed.
     """
@@ -351,7 +308,33 @@ def _fit(
     best: dict[tuple[float, ...], Floats] = {}
     for end in ends:
         best.setdefault(tuple(np.round(end[problem.forms])), end)
-    z = ends[0]
+    return replace(
+        _fitted(problem, ends[0], everything, rooms_kpa), ends=tuple(best.values())[:_FORMS]
+    )
+
+
+def _prompt(
+    problem: PressureProblem, fit: DriveFit, everything: Evidence, rooms_kpa: list[Floats]
+) -> DriveFit:
+    """Fit once more with a sensor that does not lag: its evidence is less by what fits worse."""
+    factor = problem.whitening.factor(1.0, SETTINGS.search_share)
+    before = problem.search(fit.z, factor, problem.variance, _ENOUGH, 0)
+    problem.low[-1] = problem.high[-1] = 0.0
+    points = [fit.z, *starts(problem, np.zeros(0), _DELAYS_S)]
+    ends = [
+        problem.search(z, factor, problem.variance, _ENOUGH, _MOST_TRIED)
+        for z in (fit.z, *problem.first_of(points, factor, _BEST_STARTS))
+    ]
+    found = min(ends, key=lambda end: end.at.value)
+    prompt = _fitted(problem, found.z, everything, rooms_kpa)
+    return replace(prompt, evidence=fit.evidence - (found.at.value - before.at.value))
+
+
+def _fitted(
+    problem: PressureProblem, z: Floats, everything: Evidence, rooms_kpa: list[Floats]
+) -> DriveFit:
+    """Weigh the end of a search, and predict all trials."""
+    factor = problem.whitening.factor(1.0, SETTINGS.search_share)
     linear = problem.linear(z)
     weighed = [
         problem.weigh(linear, problem.whitening.factor(1.0, share), problem.scales**2)
@@ -367,11 +350,11 @@ def _fit(
     assert grid.measured_kpa is not None
     assert grid.pressure_kpa is not None
     sensed = (grid.pressure_kpa - offset) / (1.0 + gain)
-    surely = _beyond(sensed - there, grid.cell_starts, rooms_kpa)
+    surely = surely_shown(sensed - there, grid.cell_starts, rooms_kpa)
     return DriveFit(
         ids=problem.ids,
         z=z,
-        ends=tuple(best.values())[:_FORMS],
+        ends=(z,),
         effects=effects,
         cells_kpa=cells,
         believed_kpa=cells + surely,
