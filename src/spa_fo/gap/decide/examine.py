@@ -126,7 +126,8 @@ def examine(
         if pressed is None:
             return found, None
         drive = joined(pressed, found)
-        return (by(drive) if drive.best.ids != pressed.best.ids else found), drive
+        same = np.array_equal(drive.pressure_kpa, pressed.pressure_kpa)
+        return (found if same else by(drive)), drive
 
     found, drive = explained(own)
     noise = found.bench.noise

@@ -43,6 +43,7 @@ _FORMS = 4  # of an effect that are tried beside another
 _DELAYS_S = (0.01, *(np.arange(1, 76, 2) * FINEST_STEP_S).tolist())
 QUICK_S = 0.01  # a sensor's lag that no actuator feels
 NEAR = 60.0  # nats behind the best explanation of the pressure, which an angle may make up for
+_NEAREST = 4  # so many of these are given to the angle
 _NOTHING_DEG = 0.02  # what the drive misses, in degrees of a static actuator
 
 
@@ -166,8 +167,7 @@ def examine_drive(
             lambda ids: _fit(problem(ids, fitted), begun[ids][1], evidence, rooms), promising
         )
         fits |= {fit.ids: fit for fit in ended}
-    least = max(map(worth, fits.values())) - NEAR
-    lagging = [f for f in fits.values() if f.z[-1] > QUICK_S and worth(f) > least]
+    lagging = [f for f in near_best(fits) if f.z[-1] > QUICK_S]
     prompt = each(lambda f: _prompt(problem(f.ids, fitted), f, evidence, rooms), lagging)
     fits |= {f.ids: replace(f, prompt=one) for f, one in zip(lagging, prompt, strict=True)}
     return drive_of(evidence, fits, x, wander)
@@ -176,6 +176,13 @@ def examine_drive(
 def worth(fitted: DriveFit) -> float:
     """Say what a fit is worth, nats."""
     return float(fitted.evidence.max()) + log_prior(fitted.ids) / SETTINGS.temper
+
+
+def near_best(fits: Mapping[Ids, DriveFit]) -> list[DriveFit]:
+    """List the fits that an angle may put first, the command itself among them if it comes near."""
+    ranked = sorted(fits.values(), key=lambda fit: -worth(fit))
+    near = [fit for fit in ranked if worth(fit) > worth(ranked[0]) - NEAR]
+    return [fit for place, fit in enumerate(near) if place < _NEAREST or not fit.ids]
 
 
 def _together(own: PressureProblem, singles: Sequence[DriveFit]) -> list[Floats]:

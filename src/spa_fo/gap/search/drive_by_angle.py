@@ -16,14 +16,13 @@ from spa_fo.gap.data.evidence import angle_chain
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.prior import log_prior
-from spa_fo.gap.search.drive import NEAR, Drive, DriveFit, drive_of, worth
+from spa_fo.gap.search.drive import NEAR, Drive, DriveFit, drive_of, near_best, worth
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import Fitted, begun, price, settled, weighed
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.numeric.minimise import HOPE
 from spa_fo.together import each
 
-_MOST = 4  # explanations of the pressure, the best among them
 _SAME = 1e-3  # of a pressure: another one that differs by less is the same
 _CARRIED = 3  # explanations of the angle that are tried with each, beside the plain model
 
@@ -44,9 +43,7 @@ def joined(drive: Drive, found: Explanations) -> Drive:
         The same where none came near the best. Those that did not are given what the angle says of
         the least likely.
     """
-    ranked = sorted(drive.fits.values(), key=lambda f: -worth(f))
-    near = [f for f in ranked if worth(f) > worth(ranked[0]) - NEAR]
-    near = [f for place, f in enumerate(near) if place < _MOST or not f.ids]
+    near = near_best(drive.fits)
     near += [f.prompt for f in near if f.prompt is not None]
     alike = [place for place, one in enumerate(near) if _alike(drive, one)]
     others = {k: _driven(found.bench, one) for k, one in enumerate(near) if k not in alike}
