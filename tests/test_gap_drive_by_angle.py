@@ -1,5 +1,6 @@
 """A drive that lags and a pressure sensor that does: alike in the pressure, not in the angle."""
 
+import sys
 from dataclasses import replace
 from itertools import pairwise
 
@@ -8,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials
+from plant_cases import KPA, SIXTY, X, campaign_data, model, step_release, trials
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import Evidence, collect
+from spa_fo.gap.decide.examine import examine
 from spa_fo.gap.decide.weigh import _weighed_drive, decide_drive
 from spa_fo.gap.fit.bench import bench_for
 from spa_fo.gap.fit.pressure import lagged
@@ -95,6 +97,28 @@ def test_a_sensor_that_need_not_lag_is_tried_without(drive_lags):
     if command.prompt is not None:
         assert command.prompt.evidence.max() < command.evidence.max() - 100.0
     assert known.best.z[-1] < QUICK_S if drive_lags else known.best.z[-1] > QUICK_S
+
+
+@pytest.mark.parametrize("otherwise", [False, True])
+def test_the_angle_is_explained_again_where_it_is_driven_otherwise(
+    otherwise: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also by the same effects: their share of a lag may be another."""
+    module, times = sys.modules["spa_fo.gap.decide.examine"], []
+
+    def driven(drive: Drive, _: object) -> Drive:
+        kpa = drive.pressure_kpa + (0.5 if otherwise else 0.0)
+        return replace(drive, pressure_kpa=kpa)
+
+    def counted(*asked: object) -> object:
+        times.append(asked)
+        return explain(*asked)
+
+    monkeypatch.setattr(module, "joined", driven)
+    monkeypatch.setattr(module, "explain", counted)
+    data = campaign(True).data
+    examine(data, replace(model(), campaign="earlier"), OTHERS, np.random.default_rng(1))
+    assert len(times) == (2 if otherwise else 1)
 
 
 @pytest.mark.parametrize(("of_gap", "named"), [(1.1, ()), (0.4, ("line_lag",))])
