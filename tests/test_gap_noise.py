@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from plant_cases import KPA, SIXTY, X, campaign_data, step_release, trials, vector
 from spa_fo import simulate
 from spa_fo.gap.data.evidence import Evidence, angle_chain, collect
+from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.noise import bench_noise as module
 from spa_fo.gap.noise.bench_noise import BenchNoise, bench_noise, noise_beside, shown_of_gain
 from spa_fo.gap.noise.coloured import (
@@ -417,3 +418,22 @@ def test_a_time_scale_that_few_repeats_tell_is_ordinary_for_longer() -> None:
     assert ordinary(400, time_scale=1.1 * most)
     assert not ordinary(400, time_scale=1.3 * most)
     assert not ordinary(4, time_scale=2.0 * most)
+
+
+@pytest.mark.parametrize(("rate", "ordinary"), [(0.5, False), (200.0, True)])
+def test_a_time_scale_that_hardly_moves_an_angle_is_no_sign_of_anything(
+    rate: float, ordinary: bool
+) -> None:
+    """Of an actuator that is quick against the rows a late row looks like one."""
+    x = at_rate(np.array(X), rate)
+    evidence = collect(campaign_data(trials(*[step_release(SIXTY, up=9.0) for _ in range(8)])))
+    chain, rng = angle_chain(evidence, x, None), np.random.default_rng(2)
+    scales = np.exp(0.15 * rng.standard_normal(8))
+    runs = [chain.run(at_rate(x, scale), absent())[0] for scale in scales]
+    angle = np.array(runs)[evidence.grid.sample_trial, np.arange(evidence.grid.angle_deg.size)]
+    angle = angle * (1.0 + 0.02 * rng.standard_normal(8))[evidence.grid.sample_trial]
+    noisy = angle + 0.3 * rng.standard_normal(angle.size)
+    found = bench_noise(replace(evidence, grid=replace(evidence.grid, angle_deg=noisy)), x)
+    assert found.scatter.time_scale == pytest.approx(0.15, rel=0.6)
+    assert (found.paced < SETTINGS.no_gap) == ordinary
+    assert found.is_ordinary == ordinary

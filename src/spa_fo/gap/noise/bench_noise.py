@@ -55,6 +55,7 @@ class BenchNoise:
     moving_nats: float = 0.0  # log evidence, of repeats alone, that zeros move and do not scatter
     zeros_deg: Floats | None = None  # (trials,): how they are expected to go with their order
     gains: Floats | None = None  # (trials,): the same of their gains
+    paced: float = np.inf  # by how many noise floors the scatter of the time scale moves angles
 
     def expected(self, trial: Integers) -> tuple[Floats, Floats]:
         """Give by how much gains and zeros (deg) of these trials go with the trials' order."""
@@ -72,15 +73,16 @@ class BenchNoise:
         """Whether gain and rest angle, by their order too, and time scale vary as on benches.
 
         A time scale is told by a trial's transients alone, so it may be off by as much as its
-        repeats leave it unsure.
+        repeats leave it unsure; of a quick actuator it hardly moves an angle, whatever it is.
         """
         s, own = SETTINGS, self.scatter
         unsure = float(np.exp(level_spread(self.spectrum.repeats)))
-        times = (
+        times = [
             _with_order(own.gain, self.gains) / s.scatter,
             _with_order(own.rest_deg, self.zeros_deg) / s.rest_scatter_deg,
-            own.time_scale / s.scatter / unsure,
-        )
+        ]
+        if self.paced > s.no_gap:
+            times.append(own.time_scale / s.scatter / unsure)
         return max(times) <= s.most_scatter
 
     def floor_deg(self, angle_deg: Floats) -> float:
@@ -212,7 +214,7 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
     scattered = scatter(differences, spectrum, TYPICAL, zeros_deg, gains)
     fixture = dwell_error(evidence.data.calibrations)
     if beyond is None:
-        return BenchNoise(
+        found = BenchNoise(
             spectrum,
             scattered,
             fixture,
@@ -220,6 +222,9 @@ def bench_noise(evidence: Evidence, x: Floats, beyond: Beyond | None = None) -> 
             zeros_deg=zeros_deg,
             gains=gains,
         )
+        grid = evidence.grid
+        paced = scattered.time_scale * np.sqrt(np.average(quicker**2, weights=grid.counts))
+        return replace(found, paced=float(paced / found.floor_deg(grid.angle_deg)))
     own = Spectrum(evidence.noise_deg**2, np.zeros(CORRELATION_S.size))
     if not beyond.repeats:
         own, scattered = spectrum, scattered.beside(beyond.scatter)
