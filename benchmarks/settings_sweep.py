@@ -42,7 +42,7 @@ FACTORS = (0.5, 2.0)
 HIGHEST = 0.95  # of a probability that is doubled
 DECIDED = (
     *("right_share", "unknown", "nothing", "doubt", "of_all", "needed"),
-    *("left", "no_gap", "covered", "least", "gains", "failed", "together"),
+    *("left", "covered", "least", "gains", "failed", "together"),
 )
 """Numbers that are read after all is fitted: in `decide.py`, and for the trials held out.
 
