@@ -85,7 +85,7 @@ def test_a_sensor_that_need_not_lag_is_tried_without(drive_lags):
     evidence = campaign(drive_lags)
     alone, known = told_apart(evidence)
     shared = [f for f in alone.fits.values() if f.z[-1] > QUICK_S]
-    assert shared
+    assert any(fit.prompt is not None for fit in shared)
     for fit in shared:
         if fit.prompt is not None:
             assert fit.prompt.z[-1] == 0.0

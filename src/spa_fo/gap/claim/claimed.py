@@ -12,8 +12,8 @@ from scipy.stats import norm
 from spa_fo.arrays import Floats
 from spa_fo.errors import BadInput
 from spa_fo.gap.claim.scatter import Judging
-from spa_fo.gap.data.evidence import Evidence, angle_chain, repeats
-from spa_fo.gap.data.hold_out import HeldOut, judged, rmse, shrink
+from spa_fo.gap.data.evidence import angle_chain
+from spa_fo.gap.data.hold_out import judged, rmse, shrink
 from spa_fo.gap.decide.examine import Examined
 from spa_fo.gap.decide.explanation import (
     Explanation,
@@ -25,7 +25,7 @@ from spa_fo.gap.decide.explanation import (
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judged_anew
 from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.fit.bench import Bench
-from spa_fo.gap.noise.bench_noise import noise_beside
+from spa_fo.gap.noise.bench_noise import noise_beside, repeating
 from spa_fo.gap.noise.coloured import level_spread
 from spa_fo.gap.places.laws import law_at
 from spa_fo.gap.search.explanations import Explanations
@@ -94,7 +94,8 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
         "plain": plain,
         "refit": refit,
         "explained": predicted.get(first, plain),
-        "ceiling": refit + _repeating(everything, held, refit),
+        # What repeats in the fitted trials beyond the refitted model: no physics.
+        "ceiling": refit + repeating(everything, everything.grid.angle_deg - refit, ~held.trials),
     }
     errors = {named: rmse(everything, curve, where) for named, curve in predicted.items()}
     errors[()] = rmse(everything, plain, where)
@@ -176,20 +177,6 @@ def _identified_again(found: Explanations) -> Floats:
     if found.bench.own or name is None:
         return found.plain.x
     return found.fits.get((name,), found.plain).x
-
-
-def _repeating(everything: Evidence, held: HeldOut, curve: Floats) -> Floats:
-    """Give what repeats in the fitted trials beyond a curve, at all samples, deg: no physics."""
-    grid, times = everything.grid, everything.course_s
-    left = grid.angle_deg - curve
-    out = np.zeros_like(left)
-    for repeated in repeats(everything, left, ~held.trials):
-        mean = np.nanmean(repeated.values, axis=0)
-        first = grid.sample_trial[repeated.rows[0]]
-        for trial in np.flatnonzero(everything.alike == everything.alike[first]):
-            rows = everything.rows[trial]
-            out[rows] = np.interp(times[rows], times[repeated.rows], mean)
-    return out
 
 
 def held_to(verdict: Verdict, claimed: Claim, hardly: bool = False) -> Verdict:

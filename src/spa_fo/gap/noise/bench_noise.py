@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.evidence import Evidence, Foreseen, Repeats, angle_chain, repeats
@@ -246,14 +247,24 @@ def noise_beside(evidence: Evidence, x: Floats, explained_deg: Floats) -> BenchN
     explained_deg : (n,) array
         What the explanation predicts at the averaged samples.
     """
-    grid, times = evidence.grid, evidence.course_s
-    angle_deg = grid.angle_deg - explained_deg
-    for alike in repeats(evidence, explained_deg, np.ones(len(grid.trials), dtype=bool)):
-        mean = np.nanmean(alike.values, axis=0)
-        for trial in alike.trials:
-            own = evidence.rows[trial]
-            angle_deg[own] += np.interp(times[own], times[alike.rows], mean)
+    grid = evidence.grid
+    alike = repeating(evidence, explained_deg, np.ones(len(grid.trials), dtype=bool))
+    angle_deg = grid.angle_deg - explained_deg + alike
     return bench_noise(replace(evidence, grid=replace(grid, angle_deg=angle_deg)), x)
+
+
+def repeating(evidence: Evidence, values: Floats, which: NDArray[np.bool_]) -> Floats:
+    """Give what repeats share of a signal at the averaged samples, (n,), at all samples alike.
+
+    `which`, (trials,), are the trials that say it; where none of them was run alike it is 0.
+    """
+    times, out = evidence.course_s, np.zeros_like(values)
+    for repeated in repeats(evidence, values, which):
+        mean = np.nanmean(repeated.values, axis=0)
+        for trial in np.flatnonzero(evidence.alike == evidence.alike[repeated.trials[0]]):
+            rows = evidence.rows[trial]
+            out[rows] = np.interp(times[rows], times[repeated.rows], mean)
+    return out
 
 
 def shown_of_gain(plain_deg: Floats, angle_deg: Floats) -> Floats:

@@ -327,7 +327,7 @@ def _prompt(
     factor = problem.whitening.factor(1.0, SETTINGS.search_share)
     before = problem.search(fit.z, factor, problem.variance, _ENOUGH, 0)
     problem.low[-1] = problem.high[-1] = 0.0
-    points = [fit.z, *starts(problem, np.zeros(0), _DELAYS_S)]
+    points = starts(problem, np.zeros(0), _DELAYS_S)
     ends = [
         problem.search(z, factor, problem.variance, _ENOUGH, _MOST_TRIED)
         for z in (fit.z, *problem.first_of(points, factor, _BEST_STARTS))
