@@ -41,12 +41,12 @@ RIG = "virtual_rig"
 FACTORS = (0.5, 2.0)
 HIGHEST = 0.95  # of a probability that is doubled
 DECIDED = (
-    *("right_share", "unknown", "nothing", "doubt", "of_all", "needed"),
-    *("left", "covered", "least", "gains", "failed", "together"),
+    *("right_share", "drive_share", "unknown", "nothing", "doubt", "of_all", "needed"),
+    *("left", "covered", "least", "gains", "failed"),
 )
-"""Numbers that are read after all is fitted: in `decide.py`, and for the trials held out.
+"""Numbers that are read after all is fitted: in `gap/decide`, and for the trials held out.
 
-The last two say how sure one is of a verdict, and move none.
+The last says how sure one is of a verdict, and moves none.
 """
 
 Said = tuple[str, frozenset[frozenset[str]]] | None  # the kind and the sets; None for an error

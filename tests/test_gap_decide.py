@@ -20,6 +20,7 @@ from spa_fo.plant.effects.library import LIBRARY, absent, acts_like, log_odds
 
 GAP_DEG, FLOOR_DEG = 4.0, 0.5
 LEAST_DEG = SETTINGS.no_gap * FLOOR_DEG
+SMALL_DEG, SHARE = SETTINGS.left * FLOOR_DEG, SETTINGS.right_share
 
 
 def scored(ids, probability, moved=None):
@@ -99,8 +100,8 @@ def test_what_is_said_sums_to_one_and_keeps_the_most_probable_kind(weights, shar
 
 def test_an_unknown_cause_beside_sets_is_never_said_for_sure():
     own, left = said(judge([scored(("creep",), 1e-6)], 1.0 - 1e-6, 0.0))
-    assert 0.5 < left < 1.0 - SETTINGS.together
-    assert own[("creep",)] > SETTINGS.together
+    assert 0.5 < left < 1.0 - SETTINGS.failed
+    assert own[("creep",)] > SETTINGS.failed
     assert said(judge([scored((), 0.0)], 1.0, 0.0))[1] > 0.95
 
 
@@ -182,7 +183,8 @@ def test_small_sets_come_first_and_a_shift_beside_another_last():
 def weighed(named, logs):
     """An explanation whose log evidence is `logs`, by the share that it misses."""
     missed = part.missed_of(GAP_DEG, 0.0)
-    right, unknown = part.weighed(named, np.array(logs), missed, FLOOR_DEG)
+    small_deg = SMALL_DEG if named else LEAST_DEG
+    right, unknown = part.weighed(named, np.array(logs), missed, small_deg, SHARE)
     return part.Part(named, right, unknown, None, {}, 0.0)
 
 
@@ -213,7 +215,7 @@ def test_a_smooth_error_is_no_small_one_as_a_small_share_fits_it_best():
     alike = []
     for left_deg in (0.0, 0.9 * GAP_DEG):
         missed = part.missed_of(GAP_DEG, left_deg)
-        right, unknown = part.weighed((), logs, missed, FLOOR_DEG)
+        right, unknown = part.weighed((), logs, missed, LEAST_DEG, SHARE)
         plain = part.Part((), right, unknown, None, {}, 0.0)
         alike.append(answer(plain)[2])
     assert alike[0] < 0.5 < alike[1]
@@ -222,12 +224,12 @@ def test_a_smooth_error_is_no_small_one_as_a_small_share_fits_it_best():
 def test_without_repeats_what_is_left_speaks_for_nothing():
     logs = np.array([-400.0, -200.0, -90.0, 0.0, -20.0, -60.0])
     missed = part.missed_of(GAP_DEG, 0.0)
-    _, unknown = part.weighed((), logs, missed, FLOOR_DEG, repeats=False)
+    _, unknown = part.weighed((), logs, missed, SMALL_DEG, SHARE, repeats=False)
     assert np.all(np.isneginf(unknown))
-    right, unknown = part.weighed(("creep",), logs, missed, FLOOR_DEG, repeats=False)
+    right, unknown = part.weighed(("creep",), logs, missed, SMALL_DEG, SHARE, repeats=False)
     assert right > log_prior(("creep",)) - 2.0
     # A set that leaves something may stand in for something else all the same.
-    _, repeated = part.weighed(("creep",), logs, missed, FLOOR_DEG)
+    _, repeated = part.weighed(("creep",), logs, missed, SMALL_DEG, SHARE)
     np.testing.assert_allclose(unknown, repeated - np.log(SETTINGS.unknown))
     assert np.isfinite(unknown).any()
 
@@ -237,7 +239,7 @@ def test_structure_that_is_too_small_is_no_gap():
     logs = np.array([0.0, 1.0, 5.0, 20.0, 25.0, 10.0])
     for gap_deg, alone in ((0.1 * FLOOR_DEG, True), (4.0 * FLOOR_DEG, False)):
         missed = part.missed_of(gap_deg, 0.0)
-        right, unknown = part.weighed((), logs, missed, FLOOR_DEG)
+        right, unknown = part.weighed((), logs, missed, LEAST_DEG, SHARE)
         plain = part.Part((), right, unknown, None, {}, 0.0)
         named, _, elsewhere = weigh._normalised([plain])
         assert (named[()] > 0.9) is alone
@@ -370,7 +372,7 @@ def test_what_makes_up_for_a_form_has_no_price_but_counts_as_missed():
     def weighed(alone_deg):
         apart = {(): 3.0, ("leak",): 3.0, ("creep",): alone_deg}.get
         worth = dict.fromkeys([("leak",), ("creep",)], 0.0).get
-        sizes = part.Sizes(3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
+        sizes = part.Sizes(3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG, SMALL_DEG, SHARE)
         (one,) = part.parts_of(fit, logs, moved, apart, worth, sizes)
         return one
 
@@ -406,7 +408,7 @@ def test_where_either_of_two_does_as_well_either_is_named():
     logs, moved = np.array([0.0, -30.0, -90.0, -200.0, -300.0, -400.0]), {"creep": 3.0, "leak": 2.9}
     apart = {(): 3.0, ("leak",): 0.02, ("creep",): 0.01}.get
     worth = {("leak",): -4.0, ("creep",): -1.0}.get
-    sizes = part.Sizes(3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG)
+    sizes = part.Sizes(3.0, GAP_DEG, 0.0, FLOOR_DEG, LEAST_DEG, SMALL_DEG, SHARE)
     parts = part.parts_of(fit, logs, moved, apart, worth, sizes)
     assert [p.named for p in parts] == [("creep",), ("leak",)]
     behind = log_prior(("leak",)) - log_prior(("creep",)) - 3.0 * SETTINGS.temper

@@ -125,7 +125,7 @@ def test_the_angle_is_explained_again_where_it_is_driven_otherwise(
 def test_a_drive_that_moves_less_than_the_floor_is_the_benchs_own(of_gap, named):
     _, known = told_apart(campaign(True))
     floor_deg = of_gap * known.gap_deg
-    found, _, unknown = _weighed_drive(known, campaign(True), floor_deg, floor_deg, floor_deg)
+    found, _, unknown = _weighed_drive(known, campaign(True), *(floor_deg,) * 3, 0.0)
     assert max(found, key=found.get) == named
     assert found[named] > 0.5 > unknown
 
@@ -158,7 +158,7 @@ def test_a_part_of_a_pressure_counts_by_what_it_moves_the_angle_by():
     evidence = collect(campaign_data(own))
     _, drive = told_apart(evidence, others)
     least_deg = 0.1 * drive.gap_deg
-    found, fits, _ = _weighed_drive(drive, evidence, 3.0 * least_deg, least_deg, least_deg)
+    found, fits, _ = _weighed_drive(drive, evidence, 3.0 * least_deg, least_deg, least_deg, 0.0)
     assert max(found, key=found.get) == ("line_lag", "supply_droop")
     moved_deg = fits[("line_lag", "supply_droop")].moved_deg
     assert moved_deg["supply_droop"] > 0.3 * moved_deg["line_lag"]

@@ -31,6 +31,7 @@ from spa_fo.gap.claim.claimed import (
     is_hardly_a_gap,
     too_large_for_none,
     too_small_for_any,
+    without_none,
 )
 from spa_fo.gap.decide.verdict import Scored, Verdict, judge
 from spa_fo.gap.diagnose import _alone_does, _is_doubtful, held_against_trials
@@ -203,6 +204,23 @@ def test_a_gap_beyond_all_that_is_expected_is_none_of_it() -> None:
     assert found.unknown == pytest.approx(0.95)
     cause = answer({("creep",): 0.9}, 0.1)
     assert too_large_for_none(cause) == cause
+
+
+def test_where_there_surely_is_a_gap_all_else_is_as_probable_as_it_was() -> None:
+    none = answer({(): 0.6, ("creep",): 0.25, ("leak",): 0.1}, 0.05)
+    found = without_none(none)
+    assert (found.kind, found.none) == ("ambiguous", 0.0)
+    assert found.unknown == pytest.approx(0.05 / 0.4)
+    assert found.of(("creep",)).probability == pytest.approx(0.25 / 0.4)
+    unknown = without_none(answer({(): 0.7, ("creep",): 0.05}, 0.25))
+    assert (unknown.kind, unknown.unknown) == ("unknown", pytest.approx(0.25 / 0.3))
+    # What was no answer before stays none, and what stood still stands.
+    part = answer({(): 0.1, ("creep",): 0.2}, 0.7)
+    assert without_none(part).sets == part.sets
+    cause = answer({(): 0.2, ("creep",): 0.7, ("leak",): 0.04}, 0.06)
+    assert (without_none(cause).kind, without_none(cause).sets) == ("cause", cause.sets)
+    sure = without_none(answer({(): 1.0}, 0.0))
+    assert (sure.kind, sure.unknown, sure.none) == ("unknown", 1.0, 0.0)
 
 
 def test_a_gap_that_is_hardly_more_than_repeats_differ_by_is_none() -> None:
@@ -514,6 +532,30 @@ def test_what_varies_between_trials_is_hardly_a_gap_on_an_ordinary_bench_alone(
     curves = {"plain": np.ones(50), "explained": np.ones(50)}
     claimed = replace(claims({}), curves=curves)
     assert held_against_trials(cast(Any, asked), claimed).kind == kind
+
+
+@pytest.mark.parametrize(
+    ("floor_deg", "repeats", "kind"),
+    [(0.5, 4, "no_gap"), (0.9 / CLEARLY, 4, "unknown"), (0.9 / CLEARLY, 0, "no_gap")],
+)
+def test_a_gap_of_many_floors_is_one_though_the_trials_that_took_part_show_none(
+    floor_deg: float, repeats: int, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor is it none where all that would explain it is refuted; without repeats who knows."""
+    place = sys.modules["spa_fo.gap.diagnose"]
+    monkeypatch.setattr(place, "is_hardly_a_gap", lambda *_: False)
+    one = examined(repeats=repeats)
+    one.found.bench.noise.is_ordinary, one.found.bench.own = True, False
+    one.everything.grid = SimpleNamespace(
+        counts=np.ones(50), angle_deg=np.zeros(50), sample_trial=np.zeros(50)
+    )
+    curves = {"plain": np.ones(50), "explained": np.ones(50)}
+    claimed = replace(claims({("creep",): -3.0}), curves=curves)
+    for verdict in (answer({(): 0.7}, 0.3), answer({("creep",): 0.7, (): 0.2}, 0.1)):
+        asked = SimpleNamespace(
+            **{**vars(one), "drive": None, "verdict": verdict, "floor_deg": floor_deg}
+        )
+        assert held_against_trials(cast(Any, asked), claimed).kind == kind
 
 
 @pytest.mark.parametrize(

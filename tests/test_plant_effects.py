@@ -1106,6 +1106,26 @@ def test_a_log_that_begins_as_its_command_comes_begins_at_rest(vented: bool) -> 
     assert not began_vented(campaign_grid(zeroed, longest=0)).any()
 
 
+@pytest.mark.parametrize(("hangs", "noise_kpa"), [(True, 0.02), (False, 0.02), (False, 2.0)])
+def test_what_a_pump_has_left_holds_an_actuator_or_had_not_moved_it(
+    hangs: bool, noise_kpa: float
+) -> None:
+    """The first angles of all trials say it together, each being noise; those of noise say none."""
+    rng = np.random.default_rng(1)
+    gain, made = math.degrees(static_gain(X)) / KPA, []
+    for trial in trials(*[step_release() for _ in range(5)]):
+        left = 0.0 if not made else 2.0
+        pressure = np.maximum(trial.command_kpa, left) + rng.normal(0.3, noise_kpa, trial.t_s.size)
+        angle = gain * np.maximum(trial.command_kpa, left if hangs else 0.0)
+        angle = angle + rng.normal(0.5, 0.5, trial.t_s.size)
+        made.append(replace(trial, pressure_kpa=pressure, angle_deg=angle))
+    seen = began_vented(campaign_grid(tuple(made), longest=0))
+    told = not hangs and noise_kpa < 1.0
+    assert seen.tolist() == [False, told, told, told, told]
+    alone = tuple(replace(trial, pressure_kpa=None) for trial in made)
+    assert not began_vented(campaign_grid(alone, longest=0)).any()
+
+
 def test_a_drift_may_take_a_third_of_the_gain_in_ten_minutes() -> None:
     rate = LIBRARY["thermal_drift"].parameters[0]
     # Within what is plausible: three times the spread.

@@ -20,6 +20,7 @@ from spa_fo.gap.answer.findings import drive_finding, findings, line_finding, mi
 from spa_fo.gap.answer.locate import shares
 from spa_fo.gap.claim.against_laws import against_laws, alone_if_rare
 from spa_fo.gap.claim.claimed import (
+    CLEARLY,
     Claim,
     claim,
     exact,
@@ -31,6 +32,7 @@ from spa_fo.gap.claim.claimed import (
     on_all_trials,
     too_large_for_none,
     too_small_for_any,
+    without_none,
 )
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.data.hold_out import HeldOut, hold_out, nothing_held_out, rmse
@@ -257,8 +259,11 @@ def held_against_trials(examined: Examined, claimed: Claim, progress: Progress =
     """Hold what was decided against trials that took no part, laws without a name, and its size."""
     bench, drive = examined.found.bench, examined.drive
     repeats, own = bench.noise.spectrum.repeats, bench.own
-    hardly = is_hardly_a_gap(_gap_deg(examined, claimed), examined.floor_deg, repeats, own)
-    verdict = held_to(examined.verdict, claimed, hardly)
+    gap_deg, floor_deg = _gap_deg(examined, claimed), examined.floor_deg
+    hardly, verdict = is_hardly_a_gap(gap_deg, floor_deg, repeats, own), examined.verdict
+    if repeats and gap_deg > CLEARLY * floor_deg:
+        verdict = without_none(verdict)
+    verdict = held_to(verdict, claimed, hardly)
     progress("weighing laws that have no name against it")
     verdict = alone_if_rare(against_laws(verdict, examined))
     steady = drive is None or drive.is_ordinary

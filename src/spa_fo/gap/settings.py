@@ -82,6 +82,9 @@ class Settings:
     right_share: float = _number(
         0.08, "of the gap", "learned", "scale of the discrepancy of a right form, exponential"
     )
+    drive_share: float = _number(
+        0.02, "of the gap", "learned", "the same of a drive whose pressure was measured"
+    )
     # --- prior and evidence ----------------------------------------------------------------------
     temper: float = _number(
         0.15,
@@ -138,9 +141,6 @@ class Settings:
         "probability",
         "learned",
         "all of this reasoning fails: any kind of answer, then; a name, once more: unknown",
-    )
-    together: float = _number(
-        0.05, "probability", "learned", "what surely is unknown is the library's, as none was tried"
     )
     worth: float = _number(
         0.33,

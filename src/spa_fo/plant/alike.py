@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from spa_fo.arrays import Bools, Floats, Integers
 from spa_fo.plant.grid import CampaignGrid
 from spa_fo.plant.memory import FINEST_STEP_S
+from spa_fo.rig import Trial
 
 # Of an input's range, by which a command has begun, and a measured pressure; what a delay of a
 # trial's own tells, s; of the largest input, by which two courses, on average, and their begins may
 # differ. Assumed.
 _TOLD, _MEASURED, _AT_ONCE_S, _LIKE = 0.02, 0.05, 0.05, 0.03
-# Of the largest command, from which one is more than a pump leaves; nearer to rest than to it.
-_HELD, _NEARER = 0.1, 0.5
+# Of the largest command, from which one is more than a pump leaves; nearer to rest than to what is
+# held; rows that say where a log begins; deviations from which a pump has left something. Assumed.
+_HELD, _NEARER, _FIRST_ROWS, _CLEARLY = 0.1, 0.5, 3, 3.0
 
 
 def run_alike(grid: CampaignGrid) -> tuple[Integers, Floats]:
@@ -39,19 +43,40 @@ def run_alike(grid: CampaignGrid) -> tuple[Integers, Floats]:
 
 
 def began_vented(grid: CampaignGrid) -> Bools:
-    """Say which logs began as their command came, on an actuator that was at rest, (trials,).
+    """Say which logs began as their pressure came, on an actuator that was at rest, (trials,).
 
-    Their first angle is far from where such a command holds it. A log with a zero of its own does
-    not say.
+    Their first angle is far from where such a command holds it; or all first angles together are
+    far from where what a pump has left holds them. A log with a zero of its own does not say.
     """
+    trials = grid.trials
     if grid.command_kpa is None:
-        return np.zeros(len(grid.trials), dtype=bool)
+        return np.zeros(len(trials), dtype=bool)
+    farthest_deg = float(np.abs(grid.angle_deg).max())
     held = np.abs(grid.command_kpa[grid.cell_starts[:-1]])
     held = held / max(float(np.abs(grid.command_kpa).max()), 1e-9)
-    first_deg = np.array([abs(trial.angle_deg[0]) for trial in grid.trials])
-    says = np.array([trial.zero_until_s == 0.0 for trial in grid.trials])
-    farthest_deg = float(np.abs(grid.angle_deg).max())
-    return np.asarray((held > _HELD) & says & (first_deg < _NEARER * held * farthest_deg))
+    first_deg = np.array([float(np.median(trial.angle_deg[:_FIRST_ROWS])) for trial in trials])
+    vented = (held > _HELD) & (np.abs(first_deg) < _NEARER * held * farthest_deg)
+    if not (held > _HELD).any():
+        vented |= _left_alone(trials, first_deg, farthest_deg)
+    return np.asarray(vented & np.array([trial.zero_until_s == 0.0 for trial in trials]))
+
+
+def _left_alone(trials: Sequence[Trial], first_deg: Floats, farthest_deg: float) -> Bools:
+    """Say which trials began under a pressure that had not moved the actuator before, (trials,).
+
+    Before the first one there was none, which tells the zeros of both sensors.
+    """
+    none = np.zeros(len(trials), dtype=bool)
+    logged = [trial.pressure_kpa for trial in trials if trial.pressure_kpa is not None]
+    if len(logged) < max(len(trials), _FIRST_ROWS):
+        return none
+    first_kpa = np.array([float(np.median(one[:_FIRST_ROWS])) for one in logged])
+    left_kpa, moved_deg = first_kpa[1:] - first_kpa[0], first_deg[1:] - first_deg[0]
+    if abs(left_kpa.mean()) <= _CLEARLY * left_kpa.std(ddof=1):
+        return none  # noise, or what each trial leaves in its own way
+    would_deg = left_kpa * farthest_deg / max(float(np.abs(one).max()) for one in logged)
+    none[1:] = moved_deg @ would_deg < _NEARER * (would_deg @ would_deg)
+    return none
 
 
 def _later(one: Floats, other: Floats, begins: int, other_begins: int) -> int:

@@ -69,6 +69,8 @@ class Sizes:
     left_deg: float  # of the gap, which repeats and is not explained
     floor_deg: float  # the noise floor
     least_deg: float  # by which an effect moves the angle that may be named
+    small_deg: float  # what is left of a right form, if that is no evidence of anything
+    right_share: float  # scale of what is left of one, of the gap
 
 
 def missed_of(gap_deg: float, left_deg: float) -> Floats:
@@ -78,7 +80,12 @@ def missed_of(gap_deg: float, left_deg: float) -> Floats:
 
 
 def weighed(
-    ids: Ids, logs: Floats, missed: Floats, floor_deg: float, repeats: bool = True
+    ids: Ids,
+    logs: Floats,
+    missed: Floats,
+    small_deg: float,
+    right_share: float,
+    repeats: bool = True,
 ) -> tuple[float, Floats]:
     """Weigh an explanation as right, and as standing in for something else, by share.
 
@@ -86,10 +93,10 @@ def weighed(
     for no gap; but a gap that a set explains in part is there, and may as well be something else's.
     """
     s = SETTINGS
-    nothing = missed < (s.left if ids else s.no_gap) * floor_deg
+    nothing = missed <= small_deg
     small = nothing | (not repeats)
-    penalty = np.where(small, 0.0, missed / max(missed[-1], 1e-9) / s.right_share)
-    scale = float(np.log(np.sum(np.exp(-_SHARES / s.right_share))))
+    penalty = np.where(small, 0.0, missed / max(missed[-1], 1e-9) / right_share)
+    scale = float(np.log(np.sum(np.exp(-_SHARES / right_share))))
     right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
     odds = s.unknown if repeats else 1.0  # even, where nothing tells
     unknown = s.temper * logs + stands_in(ids) + np.log(odds / _SHARES.size)
@@ -124,7 +131,9 @@ def parts_of(
             priced, helped = ids, 0.0
         missed = missed_of(sizes.gap_deg, max(sizes.left_deg, helped))
         behind = worth(every[0]) - worth(named) if len(every) > 1 else 0.0
-        right, unknown = weighed(priced, logs - behind, missed, sizes.floor_deg, repeats)
+        small_deg = sizes.small_deg if priced else s.no_gap * sizes.floor_deg
+        logs_here = logs - behind
+        right, unknown = weighed(priced, logs_here, missed, small_deg, sizes.right_share, repeats)
         left = float(missed[int(np.argmax(logs))])
         parts.append(Part(named, right, unknown, fit, {n: moved[n] for n in named}, left))
     return parts

@@ -152,7 +152,7 @@ def said(verdict: Verdict) -> tuple[dict[Ids, float], float]:
         (1.0 - s.failed) * probability / whole + s.failed / 3.0 for probability in (none, unknown)
     )
     if own:
-        unknown -= 2.0 * s.together * max(unknown - 0.5, 0.0)
+        unknown -= 2.0 * s.failed * max(unknown - 0.5, 0.0)
     else:
         unknown = 1.0 - none
     unknown += 2.0 * s.failed * max(0.5 - none - unknown, 0.0)

@@ -59,7 +59,15 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
             continue
         logs, own = f.logs - price(f), partial(apart, f)
         all_deg, least_deg = min(own(()), 1e6), s.no_gap * floor_deg
-        sizes = Sizes(all_deg, bench.gap_deg, f.left_deg, floor_deg, least_deg)
+        sizes = Sizes(
+            all_deg,
+            bench.gap_deg,
+            f.left_deg,
+            floor_deg,
+            least_deg,
+            s.left * floor_deg,
+            s.right_share,
+        )
         for part in parts_of(f, logs, f.moved_deg, own, worth, sizes, repeats):
             if at_port("zeros", part.named):
                 part = replace(part, right=part.right + _stays(found, f, floor_deg))
@@ -84,7 +92,9 @@ def _stays(found: Explanations, fitted: Fitted, floor_deg: float) -> float:
     return -float(np.log(zeros.size)) if stays else 0.0
 
 
-def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) -> list[Part]:
+def _of_drive(
+    drive: Drive, evidence: Evidence, floor_deg: float, least_deg: float, small_deg: float
+) -> list[Part]:
     felt = {ids: drive.felt(evidence, f.cells_kpa) for ids, f in drive.fits.items()}
 
     def moved(one: DriveFit, name: str) -> float:
@@ -107,9 +117,10 @@ def _of_drive(drive: Drive, evidence: Evidence, floor_deg: float, least: float) 
         return per_kpa * one.left_kpa
 
     parts: list[Part] = []
+    gap_deg, share = drive.gap_deg, SETTINGS.drive_share
     for f in drive.fits.values():
         by_name = {name: moved(f, name) for name in f.ids}
-        sizes = Sizes(drive.gap_deg, drive.gap_deg, left(f), floor_deg, least)
+        sizes = Sizes(gap_deg, gap_deg, left(f), floor_deg, least_deg, small_deg, share)
         parts += parts_of(f, f.evidence, by_name, partial(apart, f), worth, sizes)
     return parts
 
@@ -176,9 +187,9 @@ def decide(
     """
     # Learned: regulators with which models were identified moved the angle by 0.83 floors at most,
     # what was put in by 1.98 at least, on an opened rig.
-    sizes = floor_deg, floor_deg, floor_deg
+    sizes = floor_deg, floor_deg, floor_deg, 0.0
     if drive_floor_deg is not None:
-        sizes = drive_floor_deg, _BOTH * drive_floor_deg, SETTINGS.no_gap * drive_floor_deg
+        sizes = _expected(drive_floor_deg)
     angle, of_angle, unknown_angle = _normalised(_of_angle(found, floor_deg))
     pressed, of_drive, unknown_drive = _weighed_drive(drive, evidence, *sizes)
     lined, unknown_line = _of_line(fast, floor_deg, found.excluded)
@@ -220,17 +231,30 @@ def decide_drive(
         Probabilities of what is named, nothing among it; the best fit of each; the probability
         that the cause is unknown.
     """
-    sizes = floor_kpa, _BOTH * floor_kpa, SETTINGS.no_gap * floor_kpa
-    pressed, parts, unknown = _weighed_drive(drive, evidence, *sizes)
+    pressed, parts, unknown = _weighed_drive(drive, evidence, *_expected(floor_kpa))
     fits = {name: part.fit for name, part in parts.items() if isinstance(part.fit, DriveFit)}
     return pressed, fits, unknown
 
 
+def _expected(floor: float) -> tuple[float, float, float, float]:
+    """Give the sizes of a drive of which a missed pressure of some size is expected anyway."""
+    return floor, _BOTH * floor, SETTINGS.no_gap * floor, SETTINGS.left * floor
+
+
 def _weighed_drive(
-    drive: Drive | None, evidence: Evidence, floor_deg: float, least_deg: float, member_deg: float
+    drive: Drive | None,
+    evidence: Evidence,
+    floor_deg: float,
+    least_deg: float,
+    member_deg: float,
+    small_deg: float,
 ) -> tuple[dict[Ids, float], dict[Ids, Part], float]:
-    """Weigh the explanations of the pressure; a gap below `least_deg` is none."""
-    parts = [] if drive is None else _of_drive(drive, evidence, floor_deg, member_deg)
+    """Weigh the explanations of the pressure.
+
+    A gap below `least_deg` is none, a member moves the angle by `member_deg`, and what is left
+    beyond the sensor's noise counts from `small_deg` on.
+    """
+    parts = [] if drive is None else _of_drive(drive, evidence, floor_deg, member_deg, small_deg)
     if drive is not None and drive.gap_deg < least_deg:
         none = np.full(len(SHARES), -np.inf)
         parts = [replace(part, unknown=none) for part in parts if not part.named]
