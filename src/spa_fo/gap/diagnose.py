@@ -30,7 +30,6 @@ from spa_fo.gap.claim.claimed import (
     leaves_trials_alike,
     model_of,
     on_all_trials,
-    too_large_for_none,
     too_small_for_any,
     without_none,
 )
@@ -268,7 +267,8 @@ def held_against_trials(examined: Examined, claimed: Claim, progress: Progress =
     verdict = alone_if_rare(against_laws(verdict, examined))
     steady = drive is None or drive.is_ordinary
     if not (bench.noise.is_ordinary and steady):
-        verdict = too_large_for_none(verdict)  # what varies is in the gap and in the floor alike
+        if verdict.kind == "no_gap":
+            verdict = without_none(verdict)  # what varies is in the gap and in the floor alike
         if steady and not leaves_trials_alike(verdict, examined):
             verdict = if_it_varies(verdict)
         return verdict

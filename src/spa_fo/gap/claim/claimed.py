@@ -22,12 +22,14 @@ from spa_fo.gap.decide.explanation import (
     explanation_of,
     simulate,
 )
+from spa_fo.gap.decide.part import stands_in
 from spa_fo.gap.decide.verdict import Kind, Scored, Verdict, judged_anew
 from spa_fo.gap.diagnosis import LawFound, Shrink
 from spa_fo.gap.fit.bench import Bench
 from spa_fo.gap.noise.bench_noise import noise_beside, repeating
 from spa_fo.gap.noise.coloured import level_spread
 from spa_fo.gap.places.laws import law_at
+from spa_fo.gap.prior import log_prior
 from spa_fo.gap.search.explanations import Explanations
 from spa_fo.gap.search.fitted import fit, without_others
 from spa_fo.gap.settings import SETTINGS
@@ -219,12 +221,15 @@ def held_to(verdict: Verdict, claimed: Claim, hardly: bool = False) -> Verdict:
 def without_none(verdict: Verdict) -> Verdict:
     """Take no gap out of an answer where there surely is one: all else is as probable as it was.
 
-    The trials that took part may show none of it, or leave all of it to what is free in them.
+    The trials that took part may show none of it, or leave all of it to what is free in them: then
+    that is one unknown effect.
     """
+    as_one = SETTINGS.unknown * math.exp(stands_in() - log_prior(())) / SETTINGS.nothing
+    unknown = verdict.unknown + as_one * verdict.none
     named = sum(s.probability for s in verdict.scored if s.named)
-    whole = max(named + verdict.unknown, 1e-300)
+    whole = max(named + unknown, 1e-300)
     again = judged_anew(
-        verdict, lambda s: s.probability / whole if s.named else 0.0, 1.0 - named / whole
+        verdict, lambda s: s.probability / whole if s.named else 0.0, unknown / whole
     )
     if verdict.kind == "no_gap":
         return again
