@@ -83,7 +83,7 @@ class Settings:
         0.08, "of the gap", "learned", "scale of the discrepancy of a right form, exponential"
     )
     drive_share: float = _number(
-        0.02, "of the gap", "learned", "the same of a drive whose pressure was measured"
+        0.04, "of the gap", "learned", "the same of a drive whose pressure was measured"
     )
     # --- prior and evidence ----------------------------------------------------------------------
     temper: float = _number(
