@@ -34,6 +34,7 @@ from spa_fo.errors import BadInput
 from spa_fo.identify import predict_campaign, predict_trial
 from spa_fo.plant import Model, read_model, write_model
 from spa_fo.plant.augmented import (
+    LET_GO,
     effects_vector,
     ending_memory,
     is_augmented,
@@ -438,6 +439,18 @@ def test_a_bad_memory_names_the_file(memory: Any, message: str) -> None:
     with pytest.raises(BadInput) as refused:
         predict_augmented(given, later, "m.json")
     assert str(refused.value).startswith(f"m.json: {message}")
+
+
+def test_a_model_says_whether_its_actuator_is_let_go_between_trials() -> None:
+    data = campaign_data(trials(step_release(), step_release()))
+    play = entry("drive_backlash", play_kpa=6.0, centre=1.0)
+    holds, goes = (
+        predict_augmented(model(play, extra={LET_GO: said}), data)[1] for said in (False, True)
+    )
+    assert holds[0] > 1.0 > abs(goes[0])
+    with pytest.raises(BadInput) as refused:
+        predict_augmented(model(play, extra={LET_GO: "yes"}), data, "m.json")
+    assert str(refused.value) == f"m.json: {LET_GO}: is 'yes'; expected true or false"
 
 
 def test_a_memory_is_plain_json() -> None:

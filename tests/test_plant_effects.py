@@ -16,7 +16,7 @@ from plant_cases import KPA, SIXTY, SIZES, X, parameters, step_release, trials, 
 from spa_fo import simulate, step_response
 from spa_fo.errors import BadInput
 from spa_fo.gap.data.searched import at_rate
-from spa_fo.plant.alike import began_vented
+from spa_fo.plant.alike import began_vented, let_go
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.drive import drive_pressure
 from spa_fo.plant.effects.drive_backlash import resting_kpa
@@ -1119,11 +1119,32 @@ def test_what_a_pump_has_left_holds_an_actuator_or_had_not_moved_it(
         angle = gain * np.maximum(trial.command_kpa, left if hangs else 0.0)
         angle = angle + rng.normal(0.5, 0.5, trial.t_s.size)
         made.append(replace(trial, pressure_kpa=pressure, angle_deg=angle))
-    seen = began_vented(campaign_grid(tuple(made), longest=0))
+    grid = campaign_grid(tuple(made), longest=0)
+    assert let_go(grid) is not hangs
     told = not hangs and noise_kpa < 1.0
-    assert seen.tolist() == [False, told, told, told, told]
+    assert began_vented(grid).tolist() == [False, told, told, told, told]
+    # Without a pressure the angles alone say it; logs with zeros of their own, and two, do not.
     alone = tuple(replace(trial, pressure_kpa=None) for trial in made)
+    assert let_go(campaign_grid(alone, longest=0)) is not hangs
     assert not began_vented(campaign_grid(alone, longest=0)).any()
+    zeroed = tuple(replace(trial, zero_until_s=0.2) for trial in made)
+    for few in (zeroed, alone[:2]):
+        assert not let_go(campaign_grid(few, longest=0))
+
+
+def test_an_actuator_that_is_let_go_begins_at_rest_whatever_a_pump_has_left() -> None:
+    grid = campaign_grid(trials(step_release(), step_release(), step_release()), longest=0)
+    effects = vector("drive_backlash", play_kpa=6.0, centre=1.0)
+    chain = chain_for(grid, X, KPA)
+    begins = grid.step_starts[1:-1]
+    holds, _ = chain.readings(X, effects)
+    goes, _ = replace(chain, let_go=True).readings(X, effects)
+    assert (holds[begins] > 1.0).all()
+    np.testing.assert_allclose(goes[begins], 0.0, atol=0.5)
+    known = replace(chain, let_go=True).pressure(effects, np.zeros(2))
+    vented = np.array([False, True, True])
+    driven = replace(chain_for(grid, X, KPA, pressure_kpa=known), vented=vented)
+    np.testing.assert_allclose(driven.readings(X, absent())[0], goes, atol=1e-9)
 
 
 def test_a_drift_may_take_a_third_of_the_gain_in_ten_minutes() -> None:

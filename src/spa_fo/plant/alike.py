@@ -16,8 +16,9 @@ from spa_fo.rig import Trial
 # differ. Assumed.
 _TOLD, _MEASURED, _AT_ONCE_S, _LIKE = 0.02, 0.05, 0.05, 0.03
 # Of the largest command, from which one is more than a pump leaves; nearer to rest than to what is
-# held; rows that say where a log begins; deviations from which a pump has left something. Assumed.
-_HELD, _NEARER, _FIRST_ROWS, _CLEARLY = 0.1, 0.5, 3, 3.0
+# held; rows that say where a log begins; logs that tell what is left between them from noise, and
+# deviations from which it is none. Assumed.
+_HELD, _NEARER, _FIRST_ROWS, _FEWEST, _CLEARLY = 0.1, 0.5, 3, 3, 3.0
 
 
 def run_alike(grid: CampaignGrid) -> tuple[Integers, Floats]:
@@ -45,38 +46,61 @@ def run_alike(grid: CampaignGrid) -> tuple[Integers, Floats]:
 def began_vented(grid: CampaignGrid) -> Bools:
     """Say which logs began as their pressure came, on an actuator that was at rest, (trials,).
 
-    Their first angle is far from where such a command holds it; or all first angles together are
-    far from where what a pump has left holds them. A log with a zero of its own does not say.
+    Their first angle is far from where such a command holds it, or they were let go (`let_go`) of a
+    pressure that was measured. A log with a zero of its own does not say.
     """
     trials = grid.trials
     if grid.command_kpa is None:
         return np.zeros(len(trials), dtype=bool)
-    farthest_deg = float(np.abs(grid.angle_deg).max())
     held = np.abs(grid.command_kpa[grid.cell_starts[:-1]])
     held = held / max(float(np.abs(grid.command_kpa).max()), 1e-9)
-    first_deg = np.array([float(np.median(trial.angle_deg[:_FIRST_ROWS])) for trial in trials])
-    vented = (held > _HELD) & (np.abs(first_deg) < _NEARER * held * farthest_deg)
-    if not (held > _HELD).any():
-        vented |= _left_alone(trials, first_deg, farthest_deg)
+    first_deg, farthest_deg = np.abs(_first_deg(trials)), float(np.abs(grid.angle_deg).max())
+    vented = (held > _HELD) & (first_deg < _NEARER * held * farthest_deg)
+    if not (held > _HELD).any() and _left_share(trials) is not None and let_go(grid):
+        vented[1:] = True
     return np.asarray(vented & np.array([trial.zero_until_s == 0.0 for trial in trials]))
 
 
-def _left_alone(trials: Sequence[Trial], first_deg: Floats, farthest_deg: float) -> Bools:
-    """Say which trials began under a pressure that had not moved the actuator before, (trials,).
+def let_go(grid: CampaignGrid) -> bool:
+    """Say whether an actuator began each log at rest, whatever a pump with play had left in it.
 
-    Before the first one there was none, which tells the zeros of both sensors.
+    Where that was measured all first angles together are far from where it would hold them; else
+    they are no farther from the first log's than they scatter.
     """
-    none = np.zeros(len(trials), dtype=bool)
+    trials = grid.trials
+    if len(trials) < _FEWEST or any(trial.zero_until_s > 0.0 for trial in trials):
+        return False
+    first_deg, left = _first_deg(trials), _left_share(trials)
+    moved_deg = first_deg[1:] - first_deg[0]
+    if left is None:
+        return not _is_clear(moved_deg)
+    would_deg = left * float(np.abs(grid.angle_deg).max())
+    return bool(moved_deg @ would_deg < _NEARER * (would_deg @ would_deg))
+
+
+def _first_deg(trials: Sequence[Trial]) -> Floats:
+    """Give the first angle of each log, deg."""
+    return np.array([float(np.median(trial.angle_deg[:_FIRST_ROWS])) for trial in trials])
+
+
+def _left_share(trials: Sequence[Trial]) -> Floats | None:
+    """Give what was left before all but the first log, of the largest pressure; None for noise.
+
+    Before the first one nothing was, which tells the sensor's zero.
+    """
     logged = [trial.pressure_kpa for trial in trials if trial.pressure_kpa is not None]
-    if len(logged) < max(len(trials), _FIRST_ROWS):
-        return none
+    if len(logged) < max(len(trials), _FEWEST):
+        return None
     first_kpa = np.array([float(np.median(one[:_FIRST_ROWS])) for one in logged])
-    left_kpa, moved_deg = first_kpa[1:] - first_kpa[0], first_deg[1:] - first_deg[0]
-    if abs(left_kpa.mean()) <= _CLEARLY * left_kpa.std(ddof=1):
-        return none  # noise, or what each trial leaves in its own way
-    would_deg = left_kpa * farthest_deg / max(float(np.abs(one).max()) for one in logged)
-    none[1:] = moved_deg @ would_deg < _NEARER * (would_deg @ would_deg)
-    return none
+    left_kpa = first_kpa[1:] - first_kpa[0]
+    if not _is_clear(left_kpa):
+        return None
+    return np.asarray(left_kpa / max(float(np.abs(one).max()) for one in logged))
+
+
+def _is_clear(values: Floats) -> bool:
+    """Say whether values are away from 0 by more than they scatter, as much as 0 itself does."""
+    return bool(abs(values.mean()) > _CLEARLY * values.std(ddof=1))
 
 
 def _later(one: Floats, other: Floats, begins: int, other_begins: int) -> int:

@@ -29,6 +29,8 @@ Source = Path | str
 
 _LISTED = "zeros_deg"  # key of a slipping sensor's zeros, by order
 _MOUNTING = "sensor_seat"  # key of a model: film and bias that the first calibration left
+LET_GO = "let_go_between_trials"
+"""Key of a model: whether its actuator begins each trial at rest, whatever a pump has left."""
 _ROUNDING = 1e-9  # a bound that has passed through a logarithm
 
 
@@ -201,7 +203,7 @@ def _run(model: Model, trials: Sequence[Trial], memory: Memory, source: Source) 
     x, effects = model.transfer_function.as_array(), effects_vector(model, source)
     pressure = driven if model.signal == "pressure" else None
     chain = chain_for(grid, x, model.reference_kpa, pressure, memory)
-    mounting = _mounting(model, source)
+    chain, mounting = replace(chain, let_go=_let_go(model, source)), _mounting(model, source)
     # After an earlier campaign the film is as its last trial left it.
     fresh = math.isnan(memory.ends_s)
     chain = chain.mounted(mounting) if fresh else replace(chain, mounting=mounting)
@@ -264,6 +266,14 @@ def _mounting(model: Model, source: Source) -> Mounting:
         ) from error
     except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(source, f"expected a sensor's state: {error}", _MOUNTING) from error
+
+
+def _let_go(model: Model, source: Source) -> bool:
+    """Whether the actuator is let go between trials, if the model says so."""
+    said = model.extra.get(LET_GO, False)
+    if not isinstance(said, bool):
+        raise BadInput(source, f"is {said!r}; expected true or false", LET_GO)
+    return said
 
 
 def _memory_for(model: Model, campaign: Campaign, source: Source) -> Memory:

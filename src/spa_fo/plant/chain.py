@@ -86,6 +86,8 @@ class Chain:
     vented : (trials,) bool array or None
         Which trials began at rest, whatever pressure was known at their first row; None where that
         is what they rested under before.
+    let_go : bool
+        Whether all did, whatever a pump with play had left.
     """
 
     grid: CampaignGrid
@@ -97,6 +99,7 @@ class Chain:
     mounting: Mounting = field(default_factory=Mounting)
     usual: Usual | None = None
     vented: Bools | None = None
+    let_go: bool = False
 
     def mounted(self, mounting: Mounting) -> Chain:
         """Return the chain with a sensor that comes from this calibration."""
@@ -180,7 +183,7 @@ class Chain:
         To u, which has its `rise` within each step, comes what is `held` there.
         """
         width, centre, kept, _, vented, _, _ = effects[_PLAY]
-        if not math.isnan(width) and not self.is_pressure:
+        if not (math.isnan(width) or self.is_pressure or self.let_go):
             load[self.grid.cells[steps] == 0] = (
                 resting_kpa(width, centre, kept, vented) / self.reference_kpa
             )

@@ -13,7 +13,7 @@ from scipy.ndimage import median_filter
 
 from spa_fo.arrays import Floats, Integers
 from spa_fo.errors import BadInput
-from spa_fo.plant.alike import began_vented, run_alike
+from spa_fo.plant.alike import began_vented, let_go, run_alike
 from spa_fo.plant.chain import Chain, Usual, chain_for, static_gain
 from spa_fo.plant.effects.effect import USUAL_DEG, USUAL_KPA, USUAL_RISE_S, Reach
 from spa_fo.plant.fixture import Fixture, fixture_of
@@ -65,7 +65,8 @@ class Evidence:
     step_deg: float = 0.0  # of the converter, as an angle; 0 where none shows
     line_deg: float = 0.0  # RMS of an interference that was taken off the angles
     rise_s: float = USUAL_RISE_S  # in which the given model makes most of a step
-    vented: NDArray[np.bool_] | None = None  # (trials,): began at rest as their command came
+    vented: NDArray[np.bool_] | None = None  # (trials,): began at rest as their pressure came
+    let_go: bool = False  # whether all began at rest, whatever a pump had left
 
     @cached_property
     def reach(self) -> Reach:
@@ -175,6 +176,7 @@ def collect(data: CampaignData) -> Evidence:
         drift_after=after,
         step_deg=step_deg_of(grid.trials),
         vented=began_vented(grid),
+        let_go=let_go(grid),
     )
 
 
@@ -324,7 +326,7 @@ def angle_chain(evidence: Evidence, x: Floats, pressure_kpa: Floats | None) -> C
         pressure_kpa = evidence.grid.pressure_kpa
     reference_kpa = evidence.data.campaign.reference_kpa
     chain = chain_for(evidence.grid, x, reference_kpa, pressure_kpa)
-    return replace(chain, usual=evidence.usual, vented=evidence.vented)
+    return replace(chain, usual=evidence.usual, vented=evidence.vented, let_go=evidence.let_go)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from spa_fo.gap.decide.verdict import Scored
 from spa_fo.gap.search.drive import DriveFit
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.plant import PARAMETERS, Model, TransferFunction
+from spa_fo.plant.augmented import LET_GO
 from spa_fo.plant.effects.library import LIBRARY, Ids, at_port, ordered
 from spa_fo.plant.law import Law
 from spa_fo.plant.lawful import with_law
@@ -161,7 +162,8 @@ def mounting_of(evidence: Evidence, effects: Floats) -> Mounting:
 def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) -> Model:
     """Write an explanation as a model that `predict` runs.
 
-    Beside the contract's keys it holds ``sensor_seat``, how the first calibration left the sensor.
+    Beside the contract's keys it holds ``sensor_seat``, how the first calibration left the sensor,
+    and whether the actuator is let go between trials (`LET_GO`) where its effects carry on there.
     The campaign is that of the evidence; a memory is added by the caller.
     """
     orders = evidence.grid.orders
@@ -179,6 +181,8 @@ def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) 
     extra: dict[str, Any] = {key: plain.extra[key] for key in _CARRIED if key in plain.extra}
     if mounting.bias_deg.any() or mounting.film.any():
         extra["sensor_seat"] = mounting.to_dict()
+    if evidence.let_go and any(LIBRARY[name].carries_on for name in explanation.ids):
+        extra[LET_GO] = True
     return Model(
         campaign=evidence.data.campaign.name,
         material=plain.material,
