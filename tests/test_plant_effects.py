@@ -507,12 +507,15 @@ def test_creep_against_a_loop(by_angle: float, growth: float, atol: float) -> No
     np.testing.assert_allclose(crept[1:], slow[1::2][: crept.size - 1], atol=atol)
 
 
-@pytest.mark.parametrize("fading", [0.0, 0.5])
+@pytest.mark.parametrize("fading", [0.0, 0.5, -0.5])
 def test_drift_is_a_gain_of_campaign_time(fading: float) -> None:
     effects = vector("thermal_drift", per_hour=0.5, fading_per_hour=fading)
     late = trials(step_release(), first_s=7200.0)
     hours = 7203.0 / 3600.0
-    gain = 1.0 + 0.5 * (hours if fading == 0.0 else -math.expm1(-fading * hours) / fading)
+    if fading > 0.0:
+        gain = 1.0 + 0.5 * -math.expm1(-fading * hours) / fading
+    else:  # its speed grows evenly
+        gain = 1.0 + 0.5 * hours * (1.0 - fading * hours / 2.0)
     found, plain = angles(late, effects)[0], angles(late, absent())[0]
     held = slice(150, 220)
     np.testing.assert_allclose(found[held] / plain[held], gain, rtol=1e-3)

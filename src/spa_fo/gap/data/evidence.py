@@ -82,6 +82,7 @@ class Evidence:
             max(pressure, SHORTEST * USUAL_KPA) / USUAL_KPA,
             self.read_deg,
             float(np.clip(self.rise_s / USUAL_RISE_S, 1.0, _SLOWEST)),
+            float(np.ptp(grid.middle_s)) / 3600.0,
         )
 
     @cached_property

@@ -52,13 +52,14 @@ class Reach:
 
     `read_deg` is the largest angle that the same sensor has read before, where a reference says it;
     `time` the time in which the rig makes most of a step, as a multiple of `USUAL_RISE_S`, where it
-    is slower.
+    is slower. `hours` is how long the campaign lasted.
     """
 
     angle: float = 1.0
     pressure: float = 1.0
     read_deg: float = 0.0
     time: float = 1.0
+    hours: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,8 @@ class Parameter:
     two_forms : bool
         Whether its two starts are two forms of the effect, and no search leads from one to the
         other.
+    by_campaign : bool
+        Whether it is a rate that is plausible as a multiple of one over a campaign's time.
     """
 
     name: str
@@ -111,6 +114,7 @@ class Parameter:
     searched: tuple[float, float] = ANY
     is_addition: bool = False
     two_forms: bool = False
+    by_campaign: bool = False
 
     @property
     def is_moment(self) -> bool:
@@ -125,6 +129,7 @@ class Parameter:
         angle, pressure = self.goes_with or _GOES_WITH.get(self.unit, (0.0, 0.0))
         time = _IN_TIME.get(self.unit, 0.0)
         factor = float(reach.angle**angle * reach.pressure**pressure * reach.time**time)
+        factor /= reach.hours if self.by_campaign else 1.0
         least, most = (factor * bound for bound in self.searched)
         least = max(least, reach.read_deg) if self.beyond_read else least
         low = min(max(self.low, least), self.high)

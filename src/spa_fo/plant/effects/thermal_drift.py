@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Check, Effect, amplitude
+from spa_fo.plant.effects.effect import Check, Effect, Parameter, amplitude
 
 EFFECT = Effect(
     id="thermal_drift",
@@ -20,13 +20,12 @@ EFFECT = Effect(
             start=0.06,
             low=-4.0,
         ),
-        amplitude(
-            "fading_per_hour",
-            "1/h",
-            "how fast the change slows down",
-            spread=0.8,
-            high=3.0,
-            start=0.3,
+        Parameter(
+            *("fading_per_hour", "1/h", 0.0, 1.2, -40.0, 40.0),
+            starts=(0.3,),
+            means="how fast the change slows down; below 0 how fast it gathers speed",
+            searched=(-4.0, 6.0),
+            by_campaign=True,
         ),
     ),
     name="thermal drift",
@@ -43,7 +42,10 @@ EFFECT = Effect(
 
 @njit
 def drifted_gain(hours: float, rate: float, fading: float) -> float:
-    """Gain after so many hours: 1 + rate·t at first, slowing as e^{-fading·t}."""
-    if abs(fading * hours) < 1e-6:
-        return 1.0 + rate * hours
+    """Gain after so many hours: 1 + rate·t at first.
+
+    It slows as e^{-fading·t}, or with a fading below 0 gathers speed evenly.
+    """
+    if fading * hours < 1e-6:
+        return 1.0 + rate * hours * (1.0 - 0.5 * fading * hours)
     return 1.0 - rate * math.expm1(-fading * hours) / fading
