@@ -33,6 +33,7 @@ A_GAP, _CHANGES, _SLOPE = 3.0, 0.02, 11
 _RATE_OVER_S = 0.12
 _NEAR_S = 0.4
 _TOP = 0.99  # quantile
+_SHORTEST_S = 60.0  # of a campaign, as how fast it may drift goes. Assumed
 _SLOWEST = 10.0  # times the usual; what is plausible of a quick rig is as of a usual one
 _A_STEP = 0.1  # quantile of the distances of neighbouring values: some counts are never read
 
@@ -82,7 +83,7 @@ class Evidence:
             max(pressure, SHORTEST * USUAL_KPA) / USUAL_KPA,
             self.read_deg,
             float(np.clip(self.rise_s / USUAL_RISE_S, 1.0, _SLOWEST)),
-            float(np.ptp(grid.middle_s)) / 3600.0,
+            max(float(np.ptp(grid.middle_s)), _SHORTEST_S) / 3600.0,
         )
 
     @cached_property
