@@ -75,9 +75,9 @@ def decider(case: Path, models: Path) -> Callable[[], Said]:
             new = claim(e, verdict, rng)
             before = known.pop() if known else new
             closed = dict.fromkeys(verdict.sets, 0.0) | before.closed | new.closed
-            expected = before.expected | new.expected
+            unsure = before.unsure | new.unsure
             by_chance = before.by_chance | new.by_chance
-            both = replace(new, closed=closed, expected=expected, by_chance=by_chance)
+            both = replace(new, closed=closed, unsure=unsure, by_chance=by_chance)
             known.append(both)
         verdict = held_against_trials(replace(e, verdict=verdict), known[0])
         return verdict.kind, [list(names) for names in verdict.sets]
