@@ -42,8 +42,8 @@ from spa_fo.together import each
 CLEARLY = 3.0
 """Times what is expected, or what a reference says of the pressure: something is wrong.
 
-No gap of 89 campaigns without any effect was more than 2.1 times what repeats differ by, on opened
-rigs.
+A gap is surely one, too: of 89 opened campaigns without any effect none was of more than 2.1 times
+what repeats differ by.
 """
 _MOST = 6  # explanations whose predictions are tried
 _LIKELY = 0.005  # probability from which one is
@@ -237,9 +237,9 @@ def without_none(verdict: Verdict) -> Verdict:
 
 
 def too_large_for_none(verdict: Verdict, claimed: Claim | None = None) -> Verdict:
-    """Take no gap for an unknown cause where a gap is larger than all that is expected.
+    """Take no change for an unknown cause where it is larger than all that a reference expects.
 
-    No set stood before; with a claim one that closes enough of the gap is said to be a part.
+    No set stood before; with a claim one that closes enough of it is said to be a part.
     """
     if verdict.kind != "no_gap":
         return verdict
