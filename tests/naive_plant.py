@@ -45,25 +45,32 @@ def lag(signal, time_constant_s, second_pole, tail_share, venting_excess=0.0, or
     return (1.0 - orifice_share) * linear + orifice_share * rooted
 
 
-def play(signal, width, centre, wait=0.0, vented=0.0, vent_s=0.0, ready=0.0):
+def play(signal, width, centre, wait=0.0, vented=0.0, vent_s=0.0, ready=0.0, catch_up=0.0):
+    behind, waits, takes = 0.0, False, 0.0
     out, position, told, rises, until, before, rest = [], 0.0, 0.0, False, 0.0, 0.0, 0.0
     first = (1.0 - ready) * wait
     for number, value in enumerate(signal):
         if value != told:
             if (value > told) != rises:
-                rises, until, first = not rises, number * MS + first, wait
+                rises, until, takes, first = not rises, number * MS + first, catch_up * first, wait
+                position, behind = position - behind, 0.0
             told = value
-        if number * MS >= until - 1e-9:
+        stood, waited = position, waits
+        waits = number * MS < until - 1e-9
+        if not waits:
             if position < value - width * (1.0 - centre):
                 position = value - width * (1.0 - centre)
             if position > value + width * centre:
                 position = value + width * centre
+        if waited and not waits and takes > 0.0:
+            behind = position - stood
         if value <= 0.0 < before:
             rest = (1.0 - vented) * position
         if value <= 0.0 and position > rest:
             position = rest if vent_s == 0.0 else position - (position - rest) * MS / vent_s
         before = value
-        out.append(position)
+        out.append(position - behind)
+        behind *= math.exp(-MS / max(takes, MS))
     return np.array(out)
 
 
@@ -218,7 +225,9 @@ class Friction:
 class Bundle:
     """Levels of strain that stiffen until they have been passed downwards, or passed for long."""
 
-    def __init__(self, fraction, loadings, dwell, share, rejoins, span, by_load, blend, step):
+    def __init__(
+        self, fraction, loadings, dwell, share, rejoins, span, by_load, blend, by_peak, step
+    ):
         self.fraction, self.loadings, self.dwell = fraction, loadings, dwell
         self.share, self.rejoins, self.by_load, self.blend = share, rejoins, by_load, blend
         self.first = span * np.arange(24) / 24.0
@@ -226,6 +235,7 @@ class Bundle:
         self.step = step
         self.virgin = np.ones(24)
         self.strain = 0.0
+        self.by_peak, self.peak, self.fresh = by_peak, 0.0, self.virgin
 
     def _strain(self, angle, held):
         return (1.0 - self.by_load) * angle + self.by_load * held
@@ -237,13 +247,17 @@ class Bundle:
     def moment(self, before, after, held):
         middle = self._strain(0.5 * (before + after), held)
         chains = float(self.virgin @ np.clip(middle - self.first, 0.0, self.width))
-        ahead = np.interp(middle, self.first, self.virgin) * max(middle, 0.0)
+        here = np.interp(middle, self.first, self.virgin)
+        there = np.interp(max(middle, self.peak), self.first, self.fresh)
+        here = (1.0 - self.by_peak) * here + self.by_peak * there
+        ahead = here * max(middle, 0.0)
         own = (1.0 - self.rejoins) * chains + self.rejoins * ahead
         whole = float(np.mean(self.virgin)) * middle
         return self.fraction * (self.share * own + (1.0 - self.share) * whole)
 
     def accept(self, before, after, held):
         was, self.strain = self._passed(self.strain), self._strain(after, held)
+        self.peak = max(self.peak, self.strain)
         beyond = self._passed(self.strain)
         self.virgin = self.virgin * np.exp(
             -np.maximum(was - beyond, 0.0) / self.loadings - beyond * self.step / self.dwell

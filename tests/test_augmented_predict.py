@@ -135,6 +135,14 @@ def changed(name: str, change: Mapping[str, Any]) -> dict[str, Any]:
         (changed("sensor_slip", {"zeros_deg": {"0": 1.0}}), "zeros_deg.0", "a whole number from 1"),
         (changed("sensor_slip", {"zeros_deg": {"x": 1.0}}), "zeros_deg.x", "a whole number from 1"),
         (changed("sensor_slip", {"zeros_deg": {"3": None}}), "zeros_deg.3", "found None"),
+        (changed("sensor_hysteresis", {"branches": 1.0}), "branches", "an object of nothing, log_"),
+        (changed("sensor_hysteresis", {"branches": {"first": 1.0}}), "branches.first", "one of no"),
+        (
+            changed("sensor_hysteresis", {"branches": {"nothing": "1"}}),
+            "branches.nothing",
+            "found '1'",
+        ),
+        (changed("creep", {"branches": {"nothing": 1.0}}), "branches", "no loop of the sensor"),
     ],
 )
 def test_a_bad_effect_names_the_file_and_the_key(
@@ -328,6 +336,31 @@ def test_listed_zeros_take_the_walks_place_and_it_goes_on_from_them() -> None:
     assert zeros(slip, later) == pytest.approx([7.5, 8.0])
     # Another specimen's sensor is another sensor.
     assert zeros(slip, campaign_data(own, "other")) == pytest.approx([-1.0, -0.5, 0.0, 0.5, 1.0])
+
+
+# --- a loop of the sensor --------------------------------------------------------------------
+
+
+def test_logs_begin_on_the_branch_that_is_said() -> None:
+    even = {"width_deg": 4.0, "turn_deg": 3.0, "exponent": 1.0, "begins": 0.0, "lens": 0.0}
+    loop = entry("sensor_hysteresis", **even)
+    own = trials(*[step_release()] * 4)
+
+    def moved(data: CampaignData, memory: dict[str, Any]) -> list[list[float]]:
+        """Give by how much the branches move a first angle of each log, and its last."""
+        on = loop | {"branches": {"nothing": 1.0, "log_to_rest": -0.5}}
+        models = [replace(model(one), extra=memory) for one in (on, loop)]
+        found = [predict_augmented(one, data) for one in models]
+        return [[float(a[i] - b[i]) for i in (4, -1)] for a, b in zip(*found, strict=True)]
+
+    # Half a loop away, or half of that and to the other side, until the actuator bends.
+    first, *others = moved(campaign_data(own), {})
+    assert first == pytest.approx([-2.0, 0.0], abs=0.02)
+    assert others == [pytest.approx([1.0, 0.0], abs=0.02)] * 3
+    # What continues a campaign comes from its rest.
+    memory = {"memory": ending_memory(model(loop), campaign_data(own[:2]))}
+    later = moved(campaign_data(own[2:], "later", continues="arm"), memory)
+    assert later == [pytest.approx([1.0, 0.0], abs=0.02)] * 2
 
 
 # --- campaigns that go on --------------------------------------------------------------------

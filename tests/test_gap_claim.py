@@ -152,9 +152,3 @@ def test_what_closes_is_held_against_the_gap_beyond_noise() -> None:
     assert claimed._closed(4.0, 1.0, 0.5) == pytest.approx(0.95, abs=0.01)
     assert claimed._closed(0.8, 0.9, 0.75) < 0.0
     assert claimed._closed(0.7, 0.7, 0.9) == 0.0
-
-
-def test_no_more_is_taken_off_an_error_than_the_plain_model_misses() -> None:
-    assert claimed._believed(0.6, 2.0, 0.5, True) == 0.6
-    assert claimed._believed(0.2, 2.0, 0.5, False) == 0.5
-    assert claimed._believed(3.4, 2.4, 0.5, True) == 0.5

@@ -465,7 +465,8 @@ def test_what_goes_with_the_order_is_an_effect_more_beside_a_set():
     for ids in (("creep",), ("creep", "leak"), ("creep", "leak", "line_lag")):
         odds = np.log(SETTINGS.unknown**2)
         one_more = log_prior((*ids, "contact_stop"))
-        expected = SETTINGS.temper * nats + one_more + odds
+        shares = np.exp(-np.array(SHARES) / SETTINGS.right_share)
+        expected = SETTINGS.temper * nats + one_more + odds - np.log(shares.sum())
         assert unknown_by(ids)[-1] == pytest.approx(expected)
         # Too small to be a gap it says nothing.
         assert unknown_by(ids, 0.9 * SETTINGS.no_gap * FLOOR_DEG).size == len(SHARES)

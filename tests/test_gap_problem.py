@@ -21,9 +21,10 @@ from spa_fo.gap.data.evidence import (
 )
 from spa_fo.gap.data.searched import to_x
 from spa_fo.gap.fit.bench import DWELL, Bench, _times_foreseen, bench_for, rows_of
-from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated, what_came_before
+from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated
 from spa_fo.gap.noise.dwell_error import DwellError
 from spa_fo.gap.search.fitted import variants
+from spa_fo.plant.branches import came_before
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.fixture import fixture_of
 from spa_fo.plant.sensor_curve import curve_columns, curve_sigma
@@ -209,7 +210,7 @@ def test_a_trial_may_begin_on_either_branch_of_a_loop(evidence: Evidence) -> Non
 def test_a_log_that_ends_under_pressure_does_not_show_how_it_was_vented() -> None:
     trials = [[0.0, 30.0, 0.0], [0.0, 30.0, 30.0], [0.0, 30.0, 1.0], [0.0, 20.0, 0.0]]
     starts = np.array([0, 3, 6, 9, 12])
-    assert what_came_before(np.concatenate(trials), starts).tolist() == [0, 1, 2, 1]
+    assert came_before(np.concatenate(trials), starts).tolist() == [0, 1, 2, 1]
 
 
 def test_a_loop_is_weighed_with_the_branches_that_trials_began_on(evidence: Evidence) -> None:

@@ -75,7 +75,9 @@ DRIVES = {
     "leak": lambda s, p: naive.leak(s, *p.values()),
     "slew_limit": lambda s, p: naive.slew(s, *p.values()),
     "drive_backlash": lambda s, p: naive.play(
-        s, *(p[name] for name in ("play_kpa", "centre", "wait_s", "vented", "vent_s", "ready"))
+        s,
+        *(p[name] for name in ("play_kpa", "centre", "wait_s", "vented", "vent_s", "ready")),
+        p["catch_up"],
     ),
 }
 
@@ -138,6 +140,31 @@ def test_a_pump_with_play_waits_for_a_time_as_well(ready: float, waits: int) -> 
     assert found[turned : turned + waits].tolist() == [0.0] * waits
     assert found[turned + waits] == pytest.approx(part * (20.0 - 2.0 * 0.6))
     assert found[2 * turned] == pytest.approx(50.0 - 2.0 * 0.6)
+
+
+@pytest.mark.parametrize("catch_up", [0.3, 1.0])
+@pytest.mark.parametrize("play_kpa", [0.0, 2.0])
+def test_what_was_missed_in_a_wait_is_caught_up(play_kpa: float, catch_up: float) -> None:
+    waits = {"play_kpa": play_kpa, "wait_s": 0.16}
+    changes = waits | {"catch_up": catch_up}
+    slow = DRIVES["drive_backlash"](
+        np.repeat(jerky(), CELL), parameters("drive_backlash", **changes)
+    )
+    found = pressure(jerky(), vector("drive_backlash", **changes))
+    # That a ramp has turned is seen a cell later.
+    np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.7)
+    assert np.abs(found - pressure(jerky(), vector("drive_backlash", **waits))).max() > 10.0
+
+
+def test_without_a_wait_nothing_is_caught_up() -> None:
+    play = {"play_kpa": 2.0, "wait_s": 0.0}
+    ready = {"play_kpa": 0.0, "wait_s": 0.1, "ready": 1.0}
+    for changes, until in ((play, None), (ready, 110)):
+        found = [
+            pressure(jerky(), vector("drive_backlash", **changes, catch_up=s))[:until]
+            for s in (0.0, 0.2)
+        ]
+        np.testing.assert_array_equal(*found)
 
 
 def test_a_command_that_is_logged_with_noise_turns_only_where_it_does() -> None:
@@ -370,6 +397,7 @@ LAWS = {
         math.radians(p["span_deg"]),
         p["by_load"],
         math.radians(p["blend_deg"]),
+        p["by_peak"],
         STEP_S,
     ),
 }
@@ -386,13 +414,29 @@ def test_a_moment_in_the_loop_against_a_convolution(name: str) -> None:
     np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
 
 
-def test_softening_that_goes_with_the_load_against_a_convolution() -> None:
+@pytest.mark.parametrize("by_peak", [0.0, 0.7])
+def test_softening_that_goes_with_the_load_against_a_convolution(by_peak: float) -> None:
     command = np.concatenate([step_release(), step_release()])
     mixed = {"by_load": 0.7, "rejoins": 0.6, "level_share": 0.8, "blend_deg": 15.0}
+    mixed["by_peak"] = by_peak
     law = LAWS["mullins_softening"](parameters("mullins_softening", **mixed))
     slow = np.degrees(naive.loop(np.repeat(command, 2) / KPA, STEP_S, X, law))
     found = angles(trials(command), vector("mullins_softening", **mixed))[0]
     np.testing.assert_allclose(found[1:], slow[1::2][: found.size - 1], atol=0.04)
+
+
+def test_a_loading_is_as_virgin_as_where_it_went_farthest_and_the_next_is_softer() -> None:
+    """With `by_peak` a log's angles are those of one linear actuator, but for its way up."""
+    own = trials(*[step_release(up=3.0, down=3.0)] * 2)
+    changes = {"by_peak": 1.0, "rejoins": 1.0, "level_share": 1.0, "loadings": 1.0, "by_load": 1.0}
+    first, second = angles(own, vector("mullins_softening", **changes, dwell_s=500.0))
+    plain = angles(own, absent())[0]
+    up, down = slice(100, 220), slice(235, 260)
+    ratios = [float(np.median(one[up] / plain[up])) for one in (first, second)]
+    assert ratios[0] == pytest.approx(0.8, abs=0.01)
+    assert 0.3 < (1.0 - ratios[1]) / (1.0 - ratios[0]) < 0.7
+    for one, ratio in zip((first, second), ratios, strict=True):
+        np.testing.assert_allclose(one[down], ratio * plain[down], rtol=0.03)
 
 
 def test_a_moment_that_softens_against_a_convolution() -> None:
@@ -746,10 +790,34 @@ def test_loops_open_and_leave_a_remnant() -> None:
 
 def test_friction_keeps_its_remnant_through_the_rest() -> None:
     own = trials(step_release(down=10.0), step_release())
-    first, second = angles(own, vector("hysteresis", begins=0.0))
+    first, second = angles(own, vector("hysteresis", begins=0.0, forgets=0.0))
     assert first[0] == 0.0
     assert second[0] == pytest.approx(first[-1], abs=0.2)
     assert second[0] > 0.5
+
+
+@pytest.mark.parametrize("outside", [0.0, 0.4])
+def test_friction_that_forgets_begins_every_log_as_the_first(outside: float) -> None:
+    own = trials(*[step_release(down=10.0)] * 2)
+
+    def rests(forgets: float) -> float:
+        changes = {"begins": -0.2, "outside": outside, "forgets": forgets}
+        first, second = angles(own, vector("hysteresis", **changes))
+        if forgets == 1.0:
+            np.testing.assert_allclose(second, first, atol=1e-3)
+        return float(second[0])
+
+    kept, half, none = map(rests, (0.0, 0.5, 1.0))
+    assert pytest.approx(none, abs=1e-3) == 0.0
+    assert none < 0.8 * half < 0.8 * 0.8 * kept
+
+
+def test_friction_forgets_nothing_where_a_log_was_cut_in_two() -> None:
+    command = step_release()
+    first, second = trials(command[:300], command[300:])
+    second = replace(second, started_s=first.started_s + 300 / 50.0)
+    cut = [angles((first, second), vector("hysteresis", forgets=f))[1] for f in (0.0, 1.0)]
+    np.testing.assert_array_equal(*cut)
 
 
 def test_a_vent_that_nobody_logged_moves_a_loop_as_a_logged_one_does() -> None:

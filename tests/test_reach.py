@@ -53,6 +53,15 @@ def test_powers_of_its_own_stand_before_the_unit() -> None:
     assert replace(PLAY, goes_with=(0.0, 0.0)).at(Reach(2.0, 9.0)).spread == PLAY.spread
 
 
+def test_what_only_repeats_tell_stays_without_them() -> None:
+    by_peak = LIBRARY["mullins_softening"].parameters[-1]
+    assert by_peak.by_repeats
+    assert by_peak.at(Reach()) == by_peak
+    assert by_peak.at(Reach(repeats=False)) == replace(by_peak, spread=0.01 * by_peak.spread)
+    loadings = LIBRARY["mullins_softening"].parameters[1]
+    assert loadings.at(Reach(repeats=False)) == loadings
+
+
 @given(st.floats(0.01, 10.0), st.floats(0.01, 100.0), st.floats(0.1, 10.0))
 def test_centres_and_starts_stay_within_bounds(angle: float, pressure: float, time: float) -> None:
     for effect in LIBRARY.values():

@@ -12,6 +12,7 @@ import numpy as np
 
 from spa_fo.arrays import Floats, Integers
 from spa_fo.errors import BadInput
+from spa_fo.plant.branches import CAME_BEFORE
 from spa_fo.plant.chain import Chain, chain_for, log_delays
 from spa_fo.plant.effects.effect import Effect, Parameter
 from spa_fo.plant.effects.library import LIBRARY, absent
@@ -29,6 +30,8 @@ Source = Path | str
 
 _LISTED = "zeros_deg"  # key of a slipping sensor's zeros, by order
 _MOUNTING = "sensor_seat"  # key of a model: film and bias that the first calibration left
+BRANCHES = "branches"
+"""Key of a loop of the sensor: on which branch logs begin, by `branches.CAME_BEFORE`."""
 LET_GO = "let_go_between_trials"
 """Key of a model: whether its actuator begins each trial at rest, whatever a pump has left."""
 _ROUNDING = 1e-9  # a bound that has passed through a logarithm
@@ -67,6 +70,7 @@ def effects_vector(model: Model, source: Source = "model") -> Floats:
             entry.refuse("id", f"is '{form.id}' for the second time; expected each effect once")
         seen.add(form.id)
         entry.listed_zeros()
+        entry.branches()
         if form.parameters:
             vector[form.slots] = entry.values(form)
     return vector
@@ -203,7 +207,10 @@ def _run(model: Model, trials: Sequence[Trial], memory: Memory, source: Source) 
     x, effects = model.transfer_function.as_array(), effects_vector(model, source)
     pressure = driven if model.signal == "pressure" else None
     chain = chain_for(grid, x, model.reference_kpa, pressure, memory)
-    chain, mounting = replace(chain, let_go=_let_go(model, source)), _mounting(model, source)
+    known = [_Entry(e, f"effects[{i}]", source) for i, e in enumerate(model.effects)]
+    branches = {e.effect["id"]: e.branches() for e in known if BRANCHES in e.effect}
+    chain = replace(chain, let_go=_let_go(model, source), branches=branches)
+    mounting = _mounting(model, source)
     # After an earlier campaign the film is as its last trial left it.
     fresh = math.isnan(memory.ends_s)
     chain = chain.mounted(mounting) if fresh else replace(chain, mounting=mounting)
@@ -342,6 +349,18 @@ class _Entry:
             if not (order.isdecimal() and int(order) >= 1):
                 self.refuse(f"{_LISTED}.{order}", "expected a trial's order, a whole number from 1")
             self._number(f"{_LISTED}.{order}", value)
+
+    def branches(self) -> Floats:
+        """Give the branches that logs begin on, 0 where none is said."""
+        said = self.effect.get(BRANCHES, {})
+        if not isinstance(said, Mapping):
+            self.refuse(BRANCHES, f"expected an object of {', '.join(CAME_BEFORE)}")
+        for kind in said:
+            if kind not in CAME_BEFORE:
+                self.refuse(f"{BRANCHES}.{kind}", f"expected one of {', '.join(CAME_BEFORE)}")
+        if said and LIBRARY[self.effect["id"]].half_loop is None:
+            self.refuse(BRANCHES, f"{self.effect['id']} has no loop of the sensor; expected none")
+        return np.array([self._number(f"{BRANCHES}.{k}", said.get(k, 0.0)) for k in CAME_BEFORE])
 
     def _number(self, key: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):

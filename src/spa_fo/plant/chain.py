@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from spa_fo.arrays import Bools, Floats, Integers
+from spa_fo.plant.branches import Branches, begun, came_before
 from spa_fo.plant.effects.actuator import move
 from spa_fo.plant.effects.channel_latency import read_earlier, smeared
 from spa_fo.plant.effects.drive_backlash import resting_kpa
@@ -88,6 +89,8 @@ class Chain:
         is what they rested under before.
     let_go : bool
         Whether all did, whatever a pump with play had left.
+    branches : mapping
+        Of loops of the sensor that logs begin on.
     """
 
     grid: CampaignGrid
@@ -100,6 +103,7 @@ class Chain:
     usual: Usual | None = None
     vented: Bools | None = None
     let_go: bool = False
+    branches: Branches = field(default_factory=dict)
 
     def mounted(self, mounting: Mounting) -> Chain:
         """Return the chain with a sensor that comes from this calibration."""
@@ -161,7 +165,12 @@ class Chain:
     def readings(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials; the reading (deg) at the end of each step."""
         angle, memory = self.angles(x, effects)
-        return self.read(angle, effects, memory.film), memory
+        reading = self.read(angle, effects, memory.film)
+        if self.branches:
+            continues = not math.isnan(self.memory.ends_s)
+            before = came_before(self.input_kpa, self.grid.cell_starts, continues)
+            reading += begun(self.grid, self.branches, before, angle, effects)
+        return reading, memory
 
     def angles(self, x: Floats, effects: Floats) -> tuple[Floats, Memory]:
         """Simulate all trials; the true angle (deg) at the end of each step, the film untouched."""
@@ -182,7 +191,7 @@ class Chain:
 
         To u, which has its `rise` within each step, comes what is `held` there.
         """
-        width, centre, kept, _, vented, _, _ = effects[_PLAY]
+        width, centre, kept, _, vented, *_ = effects[_PLAY]
         if not (math.isnan(width) or self.is_pressure or self.let_go):
             load[self.grid.cells[steps] == 0] = (
                 resting_kpa(width, centre, kept, vented) / self.reference_kpa

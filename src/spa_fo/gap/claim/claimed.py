@@ -127,21 +127,14 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
     by_refit = _closed(before, rmse(everything, refit, where), floor_deg)
     made = None
     if first:
-        scatter = judging[first].scatter(verdict.of(first).left_deg)
-        repeated = found.bench.noise.spectrum.repeats > 0
-        scatter = _believed(scatter, errors[()], floor_deg, repeated)
+        least = floor_deg
+        if found.bench.noise.spectrum.repeats:
+            # These few may differ by less than repeats do. What they miss beyond that is left.
+            least = min(least, judging[first].scatter(verdict.of(first).left_deg))
         if at_port("line", first) is None:  # what is not named is no part of the gap
-            scatter = float(np.hypot(scatter, everything.line_deg))
-        made = shrink(everything, held, curves, scatter, rng)
+            least = float(np.hypot(least, everything.line_deg))
+        made = shrink(everything, held, curves, least, rng)
     return Claim(curves, errors, closed, made, unsure, by_chance, by_refit)
-
-
-def _believed(scatter_deg: float, plain_deg: float, floor_deg: float, repeated: bool) -> float:
-    """Hold what judging trials scatter by against what the plain model misses of them, deg."""
-    if not repeated:
-        scatter_deg = max(scatter_deg, floor_deg)  # nothing tells what is left from noise
-    # What the plain model misses holds the scatter, too.
-    return floor_deg if scatter_deg > plain_deg else scatter_deg
 
 
 def _closed(before_deg: float, after_deg: float, floor_deg: float) -> float:

@@ -84,6 +84,7 @@ class Evidence:
             self.read_deg,
             float(np.clip(self.rise_s / USUAL_RISE_S, 1.0, _SLOWEST)),
             max(float(np.ptp(grid.middle_s)), _SHORTEST_S) / 3600.0,
+            np.unique(self.alike).size < self.alike.size,
         )
 
     @cached_property

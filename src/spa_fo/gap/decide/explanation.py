@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,8 @@ from spa_fo.gap.decide.verdict import Scored
 from spa_fo.gap.search.drive import DriveFit
 from spa_fo.gap.search.fitted import Fitted
 from spa_fo.plant import PARAMETERS, Model, TransferFunction
-from spa_fo.plant.augmented import LET_GO
+from spa_fo.plant.augmented import BRANCHES, LET_GO
+from spa_fo.plant.branches import CAME_BEFORE
 from spa_fo.plant.effects.library import LIBRARY, Ids, at_port, ordered
 from spa_fo.plant.law import Law
 from spa_fo.plant.lawful import with_law
@@ -148,6 +149,7 @@ def simulate(
         if name is not None:
             e[LIBRARY[name].slots] = np.nan
     chain = angle_chain(evidence, x, None).mounted(mounting_of(evidence, explanation.in_fixture()))
+    chain = replace(chain, branches=explanation.angle.branches)
     angle, _ = (chain if law is None else with_law(chain, law)).run(x, e)
     if zeros in explanation.ids:
         angle = angle + explanation.angle.zeros_deg[evidence.grid.sample_trial]
@@ -163,8 +165,9 @@ def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) 
     """Write an explanation as a model that `predict` runs.
 
     Beside the contract's keys it holds ``sensor_seat``, how the first calibration left the sensor,
-    and whether the actuator is let go between trials (`LET_GO`) where its effects carry on there.
-    The campaign is that of the evidence; a memory is added by the caller.
+    the branches of its loop that logs begin on (`BRANCHES`), and whether the actuator is let go
+    between trials (`LET_GO`) where its effects carry on there. The campaign is that of the
+    evidence; a memory is added by the caller.
     """
     orders = evidence.grid.orders
     parameters = explanation.parameters(plain.transfer_function.as_array(), orders)
@@ -176,6 +179,9 @@ def augmented_model(explanation: Explanation, evidence: Evidence, plain: Model) 
         if LIBRARY[effect["id"]].port == "zeros":
             zeros = explanation.angle.zeros_deg.tolist()
             effect["zeros_deg"] = {str(o): z for o, z in zip(orders.tolist(), zeros, strict=True)}
+        if effect["id"] in explanation.angle.branches:
+            of_kind = explanation.angle.branches[effect["id"]].tolist()
+            effect[BRANCHES] = dict(zip(CAME_BEFORE, of_kind, strict=True))
     mounting = mounting_of(evidence, explanation.in_fixture())
     # Its coefficients are other ones: the uncertainty of the plain model's is not theirs.
     extra: dict[str, Any] = {key: plain.extra[key] for key in _CARRIED if key in plain.extra}

@@ -79,6 +79,11 @@ def missed_of(gap_deg: float, left_deg: float) -> Floats:
     return np.asarray(np.maximum(_SHARES * gap_deg, least))
 
 
+def missing_none(right_share: float) -> float:
+    """How probable it is beforehand that a right form misses nothing of the gap; a logarithm."""
+    return -float(np.log(np.sum(np.exp(-_SHARES / right_share))))
+
+
 def weighed(
     ids: Ids,
     logs: Floats,
@@ -96,8 +101,7 @@ def weighed(
     nothing = missed <= small_deg
     small = nothing | (not repeats)
     penalty = np.where(small, 0.0, missed / max(missed[-1], 1e-9) / right_share)
-    scale = float(np.log(np.sum(np.exp(-_SHARES / right_share))))
-    right = float(np.max(s.temper * logs - penalty)) - scale + log_prior(ids)
+    right = float(np.max(s.temper * logs - penalty)) + missing_none(right_share) + log_prior(ids)
     odds = s.unknown if repeats else 1.0  # even, where nothing tells
     unknown = s.temper * logs + stands_in(ids) + np.log(odds / _SHARES.size)
     return right, np.where(nothing if ids else small, -np.inf, unknown)

@@ -15,6 +15,7 @@ from spa_fo.gap.decide.part import (
     Part,
     Sizes,
     least_of,
+    missing_none,
     parts_of,
     stands_in,
     with_one_more,
@@ -75,7 +76,7 @@ def _of_angle(found: Explanations, floor_deg: float) -> list[Part]:
                 # What goes with the trials' order is left, too: an unknown effect beside a set.
                 beside = s.temper * (float(logs.max()) + f.trend_nats) + with_one_more(part.named)
                 odds = 2.0 if part.named else 1.0  # it is unknown, and it is beside something
-                beside += odds * float(np.log(s.unknown))
+                beside += odds * float(np.log(s.unknown)) + missing_none(s.right_share)
                 part = replace(part, unknown=np.append(part.unknown, beside))
             parts.append(part)
     return parts

@@ -30,13 +30,13 @@ from spa_fo.gap.noise.order import trend_shapes
 from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.numeric.mixed import WEAK
+from spa_fo.plant.branches import CAME_BEFORE, Branches, begun, came_before, half_loop
 from spa_fo.plant.effects.effect import PASSING
 from spa_fo.plant.effects.library import LIBRARY, absent, at_port
 from spa_fo.plant.sensor_curve import curve_columns
 from spa_fo.plant.specimen import Mounting
 from spa_fo.plant.stages import felt_angle
 
-_AT_REST = 0.05  # of the largest input: a log that ends there shows how it was vented. Assumed.
 _BRANCH_STEP = 1e-3  # of a searched parameter, for the slope of what a branch makes of it
 _KINK_DEG = 1.0  # over which the slope of a curve with kinks is taken
 _ARRIVED = 0.5  # of what filters leave to a dwell: nobody logs how the fixture came to stand
@@ -120,8 +120,7 @@ class AngleProblem(Explained):
         angle = self.rows.merged(self.evidence.grid.angle_deg)
         self.measured = np.concatenate([angle, *(values for values, _ in further)])
         self.trial = np.concatenate([g.trial for g in self.rows.groups])
-        acting = [LIBRARY[name] for name in self.ids]
-        self._loops = [(e.slots, e.half_loop) for e in acting if e.half_loop is not None]
+        self._loops = [name for name in self.ids if LIBRARY[name].half_loop is not None]
         looping = LIBRARY.slots(lambda e: e.half_loop is not None)
         self._looping = self.free + np.flatnonzero([s.place in looping for s in self.slots])
         self._lay()
@@ -133,8 +132,8 @@ class AngleProblem(Explained):
         evidence, bench, fixture = self.evidence, self.bench, self.evidence.fixture
         of_known = np.zeros((0, 0)) if fixture is None else fixture.of_known
         self.trials = np.unique(self.trial)
-        after = what_came_before(self.chain.input_kpa, evidence.grid.cell_starts)[self.trials]
-        self.after = np.unique(after, return_inverse=True)[1]
+        after = came_before(self.chain.input_kpa, evidence.grid.cell_starts)[self.trials]
+        self.kinds, self.after = np.unique(after, return_inverse=True)
         slips, curve = at_port("zeros", self.ids), at_port("curve", self.ids)
         passing = any(LIBRARY[n].first in self._passing for n in self.ids)
         sizes = [
@@ -143,7 +142,7 @@ class AngleProblem(Explained):
             of_known.shape[1],
             of_known.shape[0] if bench.noise.fixture.mark_deg else 0,
             1 if fixture is not None and passing else 0,
-            len(self._loops) * (int(self.after.max()) + 1),
+            len(self._loops) * self.kinds.size,
             1 if slips else 0,
             len(evidence.grid.trials) if slips else 0,
             3 * self.trials.size,
@@ -274,23 +273,29 @@ class AngleProblem(Explained):
         return self.once("branch", z, lambda: self._branched(z))
 
     def _branched(self, z: Floats) -> Floats:
-        """Simulate the branches that trials began on.
-
-        They are one for all trials that were come to alike. They are those of the loop alone: what
-        filters it behind the loop leaves a little less of them, and a ceiling nothing.
-        """
+        """Simulate the branches that trials began on, one for all that were come to alike."""
         grid, k = self.evidence.grid, np.searchsorted(self.trials, self.trial)
-        out = np.zeros((self.rows.size, len(self._loops), int(self.after.max()) + 1))
-        for (slots, half_loop), here in zip(self._loops, np.moveaxis(out, 1, 0), strict=True):
-            angle, own = self._angle(z), self.effects(z)[slots]
-            reading = np.zeros(angle.size)
-            for trial in self.trials:
-                first = grid.step_starts[trial]
-                steps = slice(first, first + grid.trial_steps[trial])
-                reading[steps] = half_loop(angle[steps].copy(), *own)
+        out = np.zeros((self.rows.size, len(self._loops), self.kinds.size))
+        for name, here in zip(self._loops, np.moveaxis(out, 1, 0), strict=True):
+            reading = half_loop(grid, name, self._angle(z), self.effects(z))
             sampled = self.rows.merged(grid.zeroed(reading[grid.sample_step]))
             here[np.arange(k.size), self.after[k]] = sampled
         return out.reshape(self.rows.size, -1)
+
+    def branches(self, b: Floats) -> dict[str, Floats]:
+        """Give the branches among the coefficients of the nuisances, by loop."""
+        found = {name: np.zeros(len(CAME_BEFORE)) for name in self._loops}
+        own = b[self.branch].reshape(-1, self.kinds.size)
+        for of_kind, known in zip(found.values(), own, strict=True):
+            of_kind[self.kinds] = known
+        return found
+
+    def begun(self, z: Floats, branches: Branches) -> Floats:
+        """Give what known branches make of the angle at the grid's samples, deg."""
+        grid = self.evidence.grid
+        before = came_before(self.chain.input_kpa, grid.cell_starts)
+        reading = begun(grid, branches, before, self._angle(z), self.effects(z))
+        return grid.zeroed(reading[grid.sample_step])
 
     def _of_reading(self, angle_deg: Floats) -> Floats:
         """Give what errors of the curve and of each known angle make of readings, (n, k)."""
@@ -366,13 +371,3 @@ class AngleProblem(Explained):
             for part, size in zip_longest((fixture, drift), self.further)
         ]
         return np.concatenate([angle, *parts])
-
-
-def what_came_before(input_kpa: Floats, starts: Integers) -> Integers:
-    """Say what came before each trial: 0 nothing, 1 a log that ends at rest, 2 one that does not.
-
-    `starts`, (trials + 1,), are where the trials' cells of the input begin.
-    """
-    ends = np.abs(input_kpa[starts[1:-1] - 1])
-    at_rest = ends <= _AT_REST * np.abs(input_kpa).max(initial=0.0)
-    return np.append(0, np.where(at_rest, 1, 2))

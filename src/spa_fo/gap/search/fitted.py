@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import product
 
@@ -19,6 +19,7 @@ from spa_fo.gap.noise.whitening import Factor
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.numeric.minimise import Minimum
 from spa_fo.numeric.mixed import Solution
+from spa_fo.plant.branches import Branches
 from spa_fo.plant.effects.library import LIBRARY, Ids, at_port
 from spa_fo.plant.sensor_curve import curve_columns
 
@@ -43,7 +44,8 @@ class Fitted:
     effects : array
         Parameters of all effects that are simulated, NaN where absent.
     predicted_deg, shared_deg : (n,) arrays
-        At the grid's samples: of the simulation, and with the curve's error and the zeros.
+        At the grid's samples: of the simulation, and with what the fit tells besides: the curve's
+        error, the zeros, and the branches.
     curve_deg : (knots,) array
         Error of the sensor's curve at its knots.
     curve_stretch : float
@@ -67,6 +69,8 @@ class Fitted:
         Log evidence at the level and share of the search.
     decrement, tried, rejected : float, int, int
         What the last search left, and the points that it took.
+    branches : dict
+        Those that trials began on, by loop of the sensor.
     line : (float, float) or None
         Frequency (Hz) and amplitude (deg) of an interference.
     trend_nats, trend_deg : float
@@ -97,6 +101,7 @@ class Fitted:
     tried: int
     rejected: int
 
+    branches: Branches = field(default_factory=dict)
     line: tuple[float, float] | None = None
     trend_nats: float = 0.0
     trend_deg: float = 0.0
@@ -207,7 +212,8 @@ def _fitted(
         zeros = b[problem.walk[0]] * (bench.evidence.grid.orders - 1.0)
         zeros = zeros + np.cumsum(b[problem.steps])
     curve = b[problem.curve]
-    shared = predicted + zeros[bench.evidence.grid.sample_trial]
+    branches = problem.branches(b)
+    shared = predicted + zeros[bench.evidence.grid.sample_trial] + problem.begun(linear.z, branches)
     if at_port("curve", ids):
         shared = shared + curve_columns(predicted, bench.evidence.curve_stretch) @ curve
     whole = solution.covariance()
@@ -233,6 +239,7 @@ def _fitted(
         decrement=found.decrement,
         tried=found.tried,
         rejected=found.rejected,
+        branches=branches,
     )
     line = None
     if problem.line:

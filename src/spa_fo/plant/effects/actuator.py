@@ -105,13 +105,14 @@ def move(
     drifting = not math.isnan(e[THERMAL_DRIFT])
     looped = stiff or heavy or stopped or mullins or rubbing
 
-    width, by_load, strain = 1.0, 0.0, stops[STOPS]
+    width, by_load, strain, peak, fresh = 1.0, 0.0, stops[STOPS], 0.0, virgin.copy()
     if mullins:
         width = math.radians(e[MULLINS_SOFTENING + 5]) / MULLINS_LEVELS
         by_load = e[MULLINS_SOFTENING + 6]
     below = np.append(0.0, np.cumsum(virgin))
-    radii, inside, outside, begins = np.ones(STOPS), 0.0, 0.0, 0.0
+    radii, inside, outside, begins, kept = np.ones(STOPS), 0.0, 0.0, 0.0, 1.0
     if rubbing:
+        kept = 1.0 - e[HYSTERESIS + 5]
         begins = e[HYSTERESIS + 4]
         outside = e[HYSTERESIS + 3] * math.radians(e[HYSTERESIS])
         inside = math.radians(e[HYSTERESIS]) - outside
@@ -127,6 +128,13 @@ def move(
     for i in range(load.size):
         k = fading[i]
         u, rising = load[i], rise[i]
+        grip = 1.0
+        if rubbing and k != level[i]:  # a rest ends
+            grip = kept
+            for j in range(STOPS):
+                stops[j] *= grip
+        if mullins and k != level[i]:
+            peak, fresh = 0.0, virgin.copy()
         if drifting:
             drifted = drifted_gain(time_s[i] / 3600.0, e[THERMAL_DRIFT], e[THERMAL_DRIFT + 1])
             u *= drifted
@@ -165,13 +173,17 @@ def move(
                         width,
                         e[MULLINS_SOFTENING + 3],
                         e[MULLINS_SOFTENING + 4],
+                        fresh,
+                        peak,
+                        e[MULLINS_SOFTENING + 8],
                     )
                     moment += e[MULLINS_SOFTENING] * part
                     slope += e[MULLINS_SOFTENING] * (1.0 - by_load) * tangent
                 if rubbing:
-                    part, tangent = friction(middle - angle - known, stops, radii, begins)
+                    moved = grip * (middle - angle - known)
+                    part, tangent = friction(moved, stops, radii, begins)
                     moment += inside * part
-                    slope += inside * tangent
+                    slope += inside * grip * tangent
                 v, stiffness = u - moment / static, slope / static
                 if 1.0 + (0.5 * direct[k] + leaning[k]) * stiffness < _STEEP:
                     follows = 0.0  # it gives way as it swings: no line that follows it is stable
@@ -186,9 +198,10 @@ def move(
         push(linear, k, v, going)
         new = free + direct[k] * v + leaning[k] * going
         if rubbing:
-            rub(new - angle + usual[i] - known, stops, radii, begins)
+            rub(grip * (new - angle + usual[i] - known), stops, radii, begins)
         if mullins:
             strained = (1.0 - by_load) * (new + usual[i]) + by_load * static * u
+            peak = max(peak, strained)
             soften(
                 strain,
                 strained,

@@ -46,8 +46,10 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
     if not math.isnan(e[DEAD_TIME]):
         delay_cells(p, starts, e[DEAD_TIME], e[DEAD_TIME + 1])
     if not math.isnan(e[DRIVE_BACKLASH]):
-        width, centre, kept, wait, vented, vent, ready = e[DRIVE_BACKLASH : DRIVE_BACKLASH + 7]
-        follow_with_play(p, starts, width, centre, kept, wait, vented, vent, ready, play)
+        width, centre, kept, wait, vented, vent, ready, late = e[
+            DRIVE_BACKLASH : DRIVE_BACKLASH + 8
+        ]
+        follow_with_play(p, starts, width, centre, kept, wait, vented, vent, ready, late, play)
     if not math.isnan(e[SLEW_LIMIT]):
         rise, ratio, approach, backpressure, vent = e[SLEW_LIMIT : SLEW_LIMIT + 5]
         slew(p, starts, rise, ratio, approach, backpressure, vent)

@@ -38,6 +38,7 @@ _IN_TIME = {"s": 1.0, "1/s": -1.0, "kPa/s": -1.0}
 """Powers of a slow rig's time scale that what is plausible goes with, by unit."""
 ANY = (-np.inf, np.inf)
 """Where a parameter is searched as far as its bounds let it be."""
+_UNTOLD = 0.01  # of its spread is left of what nothing tells. Assumed.
 _GOES_WITH = {
     "deg": (1.0, 0.0),
     "deg per trial": (1.0, 0.0),
@@ -52,7 +53,7 @@ class Reach:
 
     `read_deg` is the largest angle that the same sensor has read before, where a reference says it;
     `time` the time in which the rig makes most of a step, as a multiple of `USUAL_RISE_S`, where it
-    is slower. `hours` is how long the campaign lasted.
+    is slower. `hours` is how long the campaign lasted, `repeats` whether any trial repeats another.
     """
 
     angle: float = 1.0
@@ -60,6 +61,7 @@ class Reach:
     read_deg: float = 0.0
     time: float = 1.0
     hours: float = 1.0
+    repeats: bool = True
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,8 @@ class Parameter:
         other.
     by_campaign : bool
         Whether it is a rate that is plausible as a multiple of one over a campaign's time.
+    by_repeats : bool
+        Whether only repeats tell it: without them it stays where it is plausible.
     """
 
     name: str
@@ -115,6 +119,7 @@ class Parameter:
     is_addition: bool = False
     two_forms: bool = False
     by_campaign: bool = False
+    by_repeats: bool = False
 
     @property
     def is_moment(self) -> bool:
@@ -130,6 +135,7 @@ class Parameter:
         time = _IN_TIME.get(self.unit, 0.0)
         factor = float(reach.angle**angle * reach.pressure**pressure * reach.time**time)
         factor /= reach.hours if self.by_campaign else 1.0
+        known = _UNTOLD if self.by_repeats and not reach.repeats else 1.0
         least, most = (factor * bound for bound in self.searched)
         least = max(least, reach.read_deg) if self.beyond_read else least
         low = min(max(self.low, least), self.high)
@@ -143,7 +149,7 @@ class Parameter:
             low=low,
             high=high,
             centre=scaled(self.centre),
-            spread=self.spread if self.log else factor * self.spread,
+            spread=(self.spread if self.log else factor * self.spread) * known,
             starts=tuple(map(scaled, self.starts)),
         )
 
@@ -334,6 +340,7 @@ def share(
     high: float = 1.0,
     starts: tuple[float, ...] = (),
     is_addition: bool = False,
+    by_repeats: bool = False,
 ) -> Parameter:
     """Make a parameter that is a part of something; a fit begins at its centre unless said."""
     return Parameter(
@@ -341,6 +348,7 @@ def share(
         starts=starts or (centre,),
         means=means,
         is_addition=is_addition,
+        by_repeats=by_repeats,
     )
 
 

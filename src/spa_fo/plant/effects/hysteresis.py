@@ -50,6 +50,12 @@ EFFECT = Effect(
             means="where in the loop its angle is 0, and a specimen without a past: -1 to 1",
             is_addition=True,
         ),
+        Parameter(
+            *("forgets", "1", 0.0, 0.5, 0.0, 1.0),
+            starts=(0.2,),
+            means="part of what its friction holds that is gone after a rest",
+            is_addition=True,
+        ),
     ),
     name="hysteresis of the actuator",
     means="loading and unloading take different paths, and an angle remains after release",

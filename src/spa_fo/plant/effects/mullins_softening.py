@@ -84,6 +84,15 @@ EFFECT = Effect(
             low=1.0,
             high=200.0,
         ),
+        share(
+            "by_peak",
+            "part of what is back that goes, all through a log, by the largest strain so far",
+            centre=0.0,
+            spread=0.6,
+            starts=(0.0,),
+            is_addition=True,
+            by_repeats=True,  # else each log is as soft as a static curve is at its angle
+        ),
     ),
     name="Mullins softening",
     means="the first loadings to a new maximum are stiffer; it fades over a few trials",
@@ -106,14 +115,18 @@ def virgin_moment(
     width: float,
     by_level: float,
     rejoins: float,
+    fresh: Floats,
+    peak: float,
+    by_peak: float,
 ) -> tuple[float, float]:
     """Moment of what has not been softened yet at a strain (rad), and its slope.
 
     The levels that are passed pull (`by_level` of it), and the whole bundle stiffens the actuator
     as a whole (the rest). Either each level pulls by itself, or (`rejoins`) all is as stiff as the
     level of the strain: beyond the largest so far the actuator is back on the path of virgin
-    material (Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431). The levels are `width` (rad)
-    apart, `below` are the sums of those below each and of all.
+    material (Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431). A part `by_peak` of that is as
+    virgin as the level of the largest strain in this log, `peak`, was when the log began, `fresh`.
+    The levels are `width` (rad) apart, `below` are the sums of those below each and of all.
     """
     last, at = virgin.size - 1, strain / width
     level = min(int(max(at, 0.0)), last)
@@ -123,15 +136,26 @@ def virgin_moment(
     whole = below[virgin.size] / virgin.size
     back, steeper = 0.0, 0.0
     if rejoins > 0.0 and strain > 0.0:
-        lower = min(level, last - 1)
-        under, over = virgin[lower], virgin[lower + 1]
-        here = under + (min(at, float(last)) - lower) * (over - under)
+        here, rising = virgin_at(at, virgin)
+        there, climbing = virgin_at(max(strain, peak) / width, fresh)
+        here += by_peak * (there - here)
+        rising += by_peak * ((climbing if strain > peak else 0.0) - rising)
         back = here * strain
-        steeper = here + (at * (over - under) if at < last else 0.0)
+        steeper = here + at * rising
     own = (1.0 - rejoins) * local + rejoins * back
     own_slope = (1.0 - rejoins) * tangent + rejoins * steeper
     moment = by_level * own + (1.0 - by_level) * whole * strain
     return moment, by_level * own_slope + (1.0 - by_level) * whole
+
+
+@njit
+def virgin_at(at: float, virgin: Floats) -> tuple[float, float]:
+    """Say how virgin the material is at so many levels, and how that rises from level to level."""
+    last = virgin.size - 1
+    lower = min(int(max(at, 0.0)), last - 1)
+    rising = virgin[lower + 1] - virgin[lower]
+    here = virgin[lower] + (min(at, float(last)) - lower) * rising
+    return here, rising if at < last else 0.0
 
 
 @njit
