@@ -202,6 +202,33 @@ class Spring:
         return 0.0
 
 
+class Wall:
+    """A moment (rad) that is as stiff as what is made of the angle and of the load tells."""
+
+    def __init__(self, stiffness, by_load):
+        self.stiffness, self.by_load = stiffness, by_load
+
+    def moment(self, before, after, held):
+        angle = 0.5 * (before + after)
+        return self.stiffness((1.0 - self.by_load) * angle + self.by_load * held) * angle
+
+    def accept(self, before, after, _):
+        return 0.0
+
+
+class Both:
+    """Two moments (rad) of the angle and the load alone."""
+
+    def __init__(self, one, other):
+        self.parts = one, other
+
+    def moment(self, *felt):
+        return sum(part.moment(*felt) for part in self.parts)
+
+    def accept(self, *felt):
+        return 0.0
+
+
 class Friction:
     """Four elastic stops in parallel, one after another sliding: Prandtl and Ishlinskii."""
 

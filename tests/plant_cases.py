@@ -57,7 +57,7 @@ SIZES: dict[str, dict[str, float]] = {
         "ready": 0.0,
         "catch_up": 0.0,
     },
-    "stiffening": {"fraction_at_60deg": 0.15, "exponent": 2.2},
+    "stiffening": {"fraction_at_60deg": 0.15, "exponent": 2.2, "by_load": 0.3},
     "gravity_load": {"along_rest": 0.1, "across_rest": 0.1, "at_rest": 0.0},
     "contact_stop": {"angle_deg": 40.0, "stiffness": 3.0, "softness_deg": 4.0},
     "mullins_softening": {"fraction": 0.2},

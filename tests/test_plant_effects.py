@@ -368,14 +368,14 @@ def stop(angle: float, p: dict[str, float]) -> float:
     return p["stiffness"] * beyond**2 / (beyond + math.radians(p["softness_deg"]))
 
 
-def softened(angle: float, p: dict[str, float]) -> float:
-    part = abs(p["fraction_at_60deg"]) * (abs(angle) / REFERENCE) ** p["exponent"]
-    return angle * ((1.0 + p["exponent"] * part) ** (-1.0 / p["exponent"]) - 1.0)
+def softened(strain: float, p: dict[str, float]) -> float:
+    part = abs(p["fraction_at_60deg"]) * (abs(strain) / REFERENCE) ** p["exponent"]
+    return (1.0 + p["exponent"] * part) ** (-1.0 / p["exponent"]) - 1.0
 
 
 LAWS = {
-    "stiffening": lambda p: naive.Spring(
-        lambda a: p["fraction_at_60deg"] * (abs(a) / REFERENCE) ** p["exponent"] * a
+    "stiffening": lambda p: naive.Wall(
+        lambda a: p["fraction_at_60deg"] * (abs(a) / REFERENCE) ** p["exponent"], p["by_load"]
     ),
     "gravity_load": lambda p: naive.Spring(
         lambda a: p["along_rest"] * math.sin(a) + p["across_rest"] * (1.0 - math.cos(a))
@@ -442,7 +442,7 @@ def test_a_loading_is_as_virgin_as_where_it_went_farthest_and_the_next_is_softer
 def test_a_moment_that_softens_against_a_convolution() -> None:
     command = step_release()
     p = parameters("stiffening", fraction_at_60deg=-0.2)
-    law = naive.Spring(lambda a: softened(a, p))
+    law = naive.Wall(lambda a: softened(a, p), p["by_load"])
     slow = np.degrees(naive.loop(np.repeat(command, 2) / KPA, STEP_S, X, law))
     own = trials(command)
     found = angles(own, vector("stiffening", fraction_at_60deg=-0.2))[0]
@@ -452,9 +452,13 @@ def test_a_moment_that_softens_against_a_convolution() -> None:
 
 @pytest.mark.parametrize("fraction", [-50.0, -1.0, -1e-6])
 @pytest.mark.parametrize("exponent", [0.8, 2.2, 8.0])
-def test_what_softens_has_one_angle_to_each_load(fraction: float, exponent: float) -> None:
+@pytest.mark.parametrize("by_load", [0.0, 0.4])
+def test_what_softens_has_one_angle_to_each_load(
+    fraction: float, exponent: float, by_load: float
+) -> None:
     angle = np.linspace(math.radians(10.0), math.radians(200.0), 400)
-    moment, slope = np.array([stiffening_moment(a, fraction, exponent) for a in angle]).T
+    found = [stiffening_moment(a, 1.2, fraction, exponent, by_load) for a in angle]
+    moment, slope = np.array(found).T
     assert (np.diff(angle + moment) > 0.0).all()
     np.testing.assert_allclose(np.gradient(moment, angle)[1:-1], slope[1:-1], atol=0.03)
 
@@ -507,11 +511,7 @@ def test_friction_stops_one_after_another(moves: list[float], tail: float, begin
 def test_moments_act_together() -> None:
     effects = vector("stiffening")
     effects[LIBRARY["gravity_load"].slots] = vector("gravity_load")[LIBRARY["gravity_load"].slots]
-    stiff, heavy = (
-        LAWS["stiffening"](parameters("stiffening")),
-        LAWS["gravity_load"](parameters("gravity_load")),
-    )
-    both = naive.Spring(lambda a: stiff.law(a) + heavy.law(a))
+    both = naive.Both(*(LAWS[one](parameters(one)) for one in ("stiffening", "gravity_load")))
     command = step_release()
     slow = np.degrees(naive.loop(np.repeat(command, 2) / KPA, STEP_S, X, both))
     found = angles(trials(command), effects)[0]

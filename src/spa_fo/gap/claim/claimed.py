@@ -147,7 +147,8 @@ def _by_chance(scored: Scored, taken_off: bool) -> float:
     # A fast interference that was taken off closes nothing, unless it is all that is named.
     off = taken_off and scored.fast is not None and len(scored.named) > 1
     ports = ("zeros",) if off else ("zeros", "line")
-    return sum(size**2 for name, size in scored.moved_deg.items() if LIBRARY[name].port in ports)
+    own = [size for name, size in scored.moved_deg.items() if LIBRARY[name].port in ports]
+    return sum(size**2 for size in (*own, scored.angle.delays_deg))
 
 
 def _gap_of(before_deg: float, floor_deg: float) -> float:

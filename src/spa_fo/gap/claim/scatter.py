@@ -11,7 +11,7 @@ from spa_fo.arrays import Floats
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.data.searched import at_rate
 from spa_fo.gap.decide.explanation import Explanation, simulate
-from spa_fo.gap.fit.bench import Bench
+from spa_fo.gap.fit.bench import DELAY, Bench
 from spa_fo.gap.fit.nuisances import OF_TRIALS, nuisance_scales
 from spa_fo.plant.effects.library import at_port
 
@@ -19,7 +19,7 @@ _RATE_STEP = 2e-3
 
 
 class Judging:
-    """Some trials, their noise, and what a trial's own gain, rest angle and time scale make of it.
+    """Some trials, their noise, and what a trial's own gain, rest angle, time scale and delay make of it.
 
     `where`, (n,), tells their samples; `plain_deg` and `explained_deg`, (n,), are what the plain
     model and an explanation predict.
@@ -42,9 +42,11 @@ class Judging:
         self.whitening, rows = own.whitening, own.whitening.rows
         quick = simulate(chosen, everything, given=at_rate(chosen.x, 1.0 + _RATE_STEP))
         moved = [explained_deg, np.ones_like(explained_deg), (quick - explained_deg) / _RATE_STEP]
-        self.shapes = rows.merged(np.column_stack(moved))  # (rows, 3), of each trial's own
+        moved.append(-chosen.angle.delay_s * grid.slopes(explained_deg))
+        self.shapes = rows.merged(np.column_stack(moved))  # (rows, 4), of each trial's own
         slips = at_port("zeros", chosen.ids) is not None
-        self.own = nuisance_scales(bench, slips)[OF_TRIALS]  # 1 sigma
+        delays = max(float(chosen.angle.variances[DELAY]), 1e-12)
+        self.own = np.append(nuisance_scales(bench, slips)[OF_TRIALS], np.sqrt(delays))  # 1 sigma
         self.count = np.concatenate([group.count for group in rows.groups])
         self.trial = np.concatenate([group.trial for group in rows.groups])
 

@@ -20,7 +20,7 @@ from spa_fo.plant.chain import Chain
 from spa_fo.plant.effects.library import absent
 from spa_fo.plant.memory import STEPS_S
 
-GAIN, REST, TIME_SCALE, DWELL, SLIP, LINE, BRANCH = range(7)
+GAIN, REST, TIME_SCALE, DWELL, SLIP, LINE, BRANCH, DELAY = range(8)
 """Groups of nuisances, each of one variance."""
 LEVELS = tuple(float(2.0 ** (k / 2.0)) for k in range(-3, 6))
 """Levels of the coloured noise that are tried, against what repeats say."""
@@ -32,6 +32,7 @@ _ABOUT = 7  # rows that say how large a gap is at one of them
 _LOCAL = 0.5  # of a gap's size at a row, the rest is the campaign's mean
 _SLIP_DEG = 0.4
 _BRANCH = 0.5  # of half a loop, by which trials begin on other branches. Assumed.
+_DELAY = 0.2  # of a delay, by which it differs from trial to trial. Assumed.
 _MOST_LEVEL = 2.0  # against what a reference says, or repeats: what is beyond is no noise
 
 
@@ -43,7 +44,7 @@ class Bench:
     noise: BenchNoise  # what repeated trials differ by
     whitening: Whitening  # of the rows of the trials that take part
     chain: Chain  # the simulator
-    scales: Floats  # (7,), typical standard deviations of the groups of nuisances
+    scales: Floats  # (8,), typical standard deviations of the groups of nuisances
     given: Floats  # (5,), searched coefficients of the given model
     centre: Floats  # (5,), those that are most plausible
     coefficients: Coefficients  # what is known of them
@@ -152,7 +153,8 @@ def bench_for(
         centre, coefficients = identified(given, noise, horizon, max(lasted), angle, error_deg)
     scatter = noise.scatter
     dwell = SETTINGS.dwell_error_deg if noise.fixture.deg is None else noise.fixture.deg
-    scales = [scatter.gain, scatter.rest_deg, scatter.time_scale, dwell, _SLIP_DEG, 0.5, _BRANCH]
+    of_trials = [scatter.gain, scatter.rest_deg, scatter.time_scale]
+    scales = [*of_trials, dwell, _SLIP_DEG, 0.5, _BRANCH, _DELAY]
     return Bench(
         evidence=evidence,
         noise=noise,

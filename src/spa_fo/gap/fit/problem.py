@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 
 from spa_fo.arrays import Floats, Integers
 from spa_fo.gap.data.searched import LN_GAIN, quicker, to_x, wave
-from spa_fo.gap.fit.bench import BRANCH, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
+from spa_fo.gap.fit.bench import BRANCH, DELAY, DWELL, GAIN, LINE, REST, SLIP, TIME_SCALE, Bench
 from spa_fo.gap.fit.least_squares import Explained, slots_of
 from spa_fo.gap.fit.nuisances import (
     OF_TRIALS,
@@ -123,6 +123,9 @@ class AngleProblem(Explained):
         self._loops = [name for name in self.ids if LIBRARY[name].half_loop is not None]
         looping = LIBRARY.slots(lambda e: e.half_loop is not None)
         self._looping = self.free + np.flatnonzero([s.place in looping for s in self.slots])
+        delays = LIBRARY.slots(lambda e: e.filter == "delay")
+        late = [s.place in delays and s.parameter.is_delay for s in self.slots]
+        self._delays = self.free + np.flatnonzero(late)
         self._lay()
 
     # --- the nuisances' columns ------------------------------------------------------------------
@@ -146,13 +149,14 @@ class AngleProblem(Explained):
             1 if slips else 0,
             len(evidence.grid.trials) if slips else 0,
             3 * self.trials.size,
+            self.trials.size if self._delays.size else 0,
             2 * self.trials.size if self.line else 0,
             (3 if slips else 6) if self.trend else 0,
         ]
         self.size = sum(sizes)
         parts = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
         self.curve, self.late, self.dwells, self.marks, self.arrived, self.branch, *parts = parts
-        self.walk, self.steps, own, waves, self.trends = parts
+        self.walk, self.steps, own, self.delays, waves, self.trends = parts
         self.own, self.waves = own.reshape(-1, 3), waves.reshape(-1, 2)
         self.read = np.concatenate([self.curve, self.dwells, self.marks])
         self.moving = np.concatenate([self.read, self.arrived, self.branch])
@@ -160,6 +164,7 @@ class AngleProblem(Explained):
         self.group[self.own] = [GAIN, REST, TIME_SCALE]
         self.group[self.dwells] = DWELL
         self.group[self.branch] = BRANCH
+        self.group[self.delays] = DELAY
         self.group[self.steps] = SLIP
         self.group[self.waves] = LINE
         looped = any(LIBRARY[n].first in self._split for n in self.ids)
@@ -194,9 +199,14 @@ class AngleProblem(Explained):
         out[n:, self.moving] = self._of_moving(z)
         out[:n, self.branch] = self._of_branch(z)
         every, trial = np.arange(n), self.trial
-        out[:n, self.late] = rows.merged(-grid.slopes(y)[:, None])
-        own = self.own[np.searchsorted(self.trials, trial)].T
+        later = rows.merged(-grid.slopes(y)[:, None])
+        out[:n, self.late] = later
+        k = np.searchsorted(self.trials, trial)
+        own = self.own[k].T
         out[every, own] = gain, np.ones(n), scale
+        if self.delays.size:
+            # A bus or a filter that takes what comes next waits longer in one trial than in another.
+            out[every, self.delays[k]] = self.delay_s(z) * later[:, 0]
         if self.trend:
             out[:n, self.trends] = self._of_order(trial, gain)
         if self.walk.size:
@@ -210,6 +220,10 @@ class AngleProblem(Explained):
             ]
             out[every, waves] = np.concatenate(phased).T
         return out
+
+    def delay_s(self, z: Floats) -> float:
+        """Say how long effects delay the angle."""
+        return float(z[self._delays].sum())
 
     def _of_order(self, trial: Integers, gain: Floats) -> Floats:
         """Give what goes with the trials' order, over what a trial's gain makes: gain, rest angle.

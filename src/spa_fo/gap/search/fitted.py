@@ -69,6 +69,8 @@ class Fitted:
         Log evidence at the level and share of the search.
     decrement, tried, rejected : float, int, int
         What the last search left, and the points that it took.
+    delay_s, delays_deg : float
+        How long effects delay it, and the RMS by which it moves that trials differ in that.
     branches : dict
         Those that trials began on, by loop of the sensor.
     line : (float, float) or None
@@ -101,6 +103,8 @@ class Fitted:
     tried: int
     rejected: int
 
+    delay_s: float = 0.0
+    delays_deg: float = 0.0
     branches: Branches = field(default_factory=dict)
     line: tuple[float, float] | None = None
     trend_nats: float = 0.0
@@ -212,7 +216,7 @@ def _fitted(
         zeros = b[problem.walk[0]] * (bench.evidence.grid.orders - 1.0)
         zeros = zeros + np.cumsum(b[problem.steps])
     curve = b[problem.curve]
-    branches = problem.branches(b)
+    branches, delays = problem.branches(b), linear.columns[:, problem.delays] @ b[problem.delays]
     shared = predicted + zeros[bench.evidence.grid.sample_trial] + problem.begun(linear.z, branches)
     if at_port("curve", ids):
         shared = shared + curve_columns(predicted, bench.evidence.curve_stretch) @ curve
@@ -239,6 +243,8 @@ def _fitted(
         decrement=found.decrement,
         tried=found.tried,
         rejected=found.rejected,
+        delay_s=problem.delay_s(linear.z),
+        delays_deg=float(np.linalg.norm(delays) / np.sqrt(problem.rows.size)),
         branches=branches,
     )
     line = None

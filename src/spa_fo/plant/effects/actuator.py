@@ -150,7 +150,13 @@ def move(
                 middle = 0.5 * (angle + new) + missed
                 moment, slope = 0.0, 0.0
                 if stiff:
-                    part, tangent = stiffening_moment(middle, e[STIFFENING], e[STIFFENING + 1])
+                    part, tangent = stiffening_moment(
+                        middle,
+                        static * u,
+                        e[STIFFENING],
+                        e[STIFFENING + 1],
+                        e[STIFFENING + 2],
+                    )
                     moment += part
                     slope += tangent
                 if heavy:
