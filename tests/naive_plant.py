@@ -115,7 +115,7 @@ def droop(
     return np.array(out)
 
 
-def leak(signal, rate, makeup, vented_share, renewal, below_share, kept_share):
+def leak(signal, rate, makeup, vented_share, renewal, below_share, kept_share, opens):
     out, lost, before = [], 0.0, 0.0
     for value in signal:
         if 0.0 <= value < before:  # a part of what is lost goes out with what is vented
@@ -124,7 +124,8 @@ def leak(signal, rate, makeup, vented_share, renewal, below_share, kept_share):
             lost -= (1.0 - kept_share) * lost * (1.0 - math.exp(-renewal * abs(value - before)))
         before = value
         above = max(value, 0.0) - lost
-        lost += MS * (rate * above - makeup * lost)
+        opened = 1.0 + opens * above if above > 0.0 else 1.0
+        lost += MS * (rate * opened * above - makeup * lost)
         if lost > max(value, 0.0):  # less than the atmosphere
             lost = max(value, 0.0) + (lost - max(value, 0.0)) * below_share**MS
         out.append(value - lost)

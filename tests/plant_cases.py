@@ -45,6 +45,7 @@ SIZES: dict[str, dict[str, float]] = {
         "renewal_per_kpa": 0.02,
         "below_share": 0.4,
         "kept_share": 0.3,
+        "opens_per_kpa": 0.0,
     },
     "slew_limit": {"rise_kpa_s": 60.0, "fall_ratio": 0.7, "approach_kpa": 3.0},
     "drive_backlash": {
@@ -76,7 +77,7 @@ SIZES: dict[str, dict[str, float]] = {
         "begins": -0.4,
         "forgets": 0.25,
     },
-    "thermal_drift": {"per_hour": 0.5, "fading_per_hour": 0.5},
+    "thermal_drift": {"per_hour": 0.5, "fading_per_hour": 0.5, "of_stiffness": 0.4},
     "parameter_shift": {},
     "sensor_nonlinearity": {
         "at_minus_10deg": 1.0,

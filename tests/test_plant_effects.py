@@ -114,6 +114,19 @@ def test_a_pump_slows_down_against_the_pressure_and_a_vent_near_empty(
     assert np.abs(found - free).max() > 2.0
 
 
+def test_a_crack_that_the_pressure_opens_loses_more_of_a_high_one() -> None:
+    changes = {"rate_per_s": 0.02, "makeup_per_s": 0.0, "renewal_per_kpa": 0.0}
+    opens = changes | {"opens_per_kpa": 0.2}
+    slow = DRIVES["leak"](np.repeat(jerky(), CELL), parameters("leak", **opens))
+    found = pressure(jerky(), vector("leak", **opens))
+    np.testing.assert_allclose(found, slow.reshape(-1, CELL).mean(axis=1), atol=0.12)
+    held = np.full(100, 30.0), np.full(100, 6.0)
+    ends = [pressure(one, vector("leak", **opens))[-1] / one[-1] for one in held]
+    plain = [pressure(one, vector("leak", **changes))[-1] / one[-1] for one in held]
+    assert plain[0] == pytest.approx(plain[1], rel=1e-3)
+    assert ends[0] < ends[1] - 0.1 < plain[1] - 0.1
+
+
 @pytest.mark.parametrize("height", [10.0, 40.0])
 def test_an_orifice_ends_after_a_time_that_goes_as_the_root_of_the_step(height: float) -> None:
     takes = 3.0 * 0.5 * np.sqrt(height / 30.0)
@@ -553,7 +566,7 @@ def test_creep_against_a_loop(by_angle: float, growth: float, atol: float) -> No
 
 @pytest.mark.parametrize("fading", [0.0, 0.5, -0.5])
 def test_drift_is_a_gain_of_campaign_time(fading: float) -> None:
-    effects = vector("thermal_drift", per_hour=0.5, fading_per_hour=fading)
+    effects = vector("thermal_drift", per_hour=0.5, fading_per_hour=fading, of_stiffness=0.0)
     late = trials(step_release(), first_s=7200.0)
     hours = 7203.0 / 3600.0
     if fading > 0.0:
@@ -563,6 +576,16 @@ def test_drift_is_a_gain_of_campaign_time(fading: float) -> None:
     found, plain = angles(late, effects)[0], angles(late, absent())[0]
     held = slice(150, 220)
     np.testing.assert_allclose(found[held] / plain[held], gain, rtol=1e-3)
+
+
+@pytest.mark.parametrize("of_stiffness", [0.4, 1.0])
+def test_drift_of_the_stiffness_is_that_of_a0(of_stiffness: float) -> None:
+    changes = {"per_hour": 0.25, "fading_per_hour": 0.0, "of_stiffness": of_stiffness}
+    late, gain = trials(step_release(), first_s=7200.0), 1.0 + 0.25 * 7203.5 / 3600.0
+    softer = gain**of_stiffness
+    x = X * np.array([1.0, 1.0, 1.0, 1.0 / softer, gain / softer])
+    found = angles(late, vector("thermal_drift", **changes))[0]
+    np.testing.assert_allclose(found, angles(late, absent(), x)[0], atol=0.04)
 
 
 def test_softening_goes_by_what_was_reached() -> None:

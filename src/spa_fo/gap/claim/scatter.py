@@ -19,7 +19,7 @@ _RATE_STEP = 2e-3
 
 
 class Judging:
-    """Some trials, their noise, and what a trial's own gain, rest angle, time scale and delay make of it.
+    """Some trials, their noise, and what each one's gain, rest angle, time scale and delay make.
 
     `where`, (n,), tells their samples; `plain_deg` and `explained_deg`, (n,), are what the plain
     model and an explanation predict.

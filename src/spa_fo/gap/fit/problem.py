@@ -205,7 +205,7 @@ class AngleProblem(Explained):
         own = self.own[k].T
         out[every, own] = gain, np.ones(n), scale
         if self.delays.size:
-            # A bus or a filter that takes what comes next waits longer in one trial than in another.
+            # What is polled, or queued, waits longer in one trial than in another.
             out[every, self.delays[k]] = self.delay_s(z) * later[:, 0]
         if self.trend:
             out[:n, self.trends] = self._of_order(trial, gain)

@@ -39,6 +39,7 @@ _SETTLED = 1e-6
 
 _CREEP_AT = math.radians(CREEP_AT_DEG)
 
+_LEAST_GAIN = 0.05  # of a stiffness that drifts beyond all measure
 _STEEP = 0.2  # of a step's equation over the angle: what is less is hardly solved
 
 
@@ -103,7 +104,10 @@ def move(
     rubbing = not math.isnan(e[HYSTERESIS])
     creeping = not math.isnan(e[CREEP])
     drifting = not math.isnan(e[THERMAL_DRIFT])
-    looped = stiff or heavy or stopped or mullins or rubbing
+    of_stiffness, harder = 0.0, 0.0
+    if drifting:
+        of_stiffness = e[THERMAL_DRIFT + 2]
+    looped = stiff or heavy or stopped or mullins or rubbing or of_stiffness > 0.0
 
     width, by_load, strain, peak, fresh = 1.0, 0.0, stops[STOPS], 0.0, virgin.copy()
     if mullins:
@@ -137,6 +141,9 @@ def move(
             peak, fresh = 0.0, virgin.copy()
         if drifting:
             drifted = drifted_gain(time_s[i] / 3600.0, e[THERMAL_DRIFT], e[THERMAL_DRIFT + 1])
+            if of_stiffness > 0.0:
+                softer = max(drifted, _LEAST_GAIN) ** of_stiffness
+                drifted, harder = drifted / softer, 1.0 / softer - 1.0
             u *= drifted
             rising *= drifted
         free = coast(linear, k)
@@ -148,7 +155,7 @@ def move(
             follows = 1.0 if leaning[k] > 0.0 else 0.0  # one that swings within a step does not
             for _ in range(_NEWTON):
                 middle = 0.5 * (angle + new) + missed
-                moment, slope = 0.0, 0.0
+                moment, slope = harder * middle, harder
                 if stiff:
                     part, tangent = stiffening_moment(
                         middle,

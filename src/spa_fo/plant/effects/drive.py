@@ -59,8 +59,8 @@ def drive_pressure(command: Floats, starts: Integers, e: Floats, play: Floats) -
         ]
         droop(p, starts, fraction, recovery, slow, exponent, throttled, slower, steady, building)
     if not math.isnan(e[LEAK]):
-        rate, makeup, carried, renewal, below, kept = e[LEAK : LEAK + 6]
-        lose(p, starts, rate, makeup, carried, renewal, below, kept)
+        rate, makeup, carried, renewal, below, kept, opens = e[LEAK : LEAK + 7]
+        lose(p, starts, rate, makeup, carried, renewal, below, kept, opens)
     if not math.isnan(e[LINE_LAG]):
         share, excess, rooted = e[LINE_LAG + 2], e[LINE_LAG + 3], e[LINE_LAG + 4]
         slow, fast, latest = poles(e[LINE_LAG], e[LINE_LAG + 1], share)

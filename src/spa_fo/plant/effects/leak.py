@@ -57,6 +57,13 @@ EFFECT = Effect(
             "before all is made good",
             is_addition=True,
         ),
+        Parameter(
+            *("opens_per_kpa", "1/kPa", 0.0, 0.1, 0.0, 20.0),
+            starts=(0.0,),
+            goes_with=(0.0, -1.0),
+            means="how much more of the pressure is lost for each kPa of it: a crack that it opens",
+            is_addition=True,
+        ),
     ),
     name="leak",
     means="pressure is lost while the command is held",
@@ -76,11 +83,12 @@ def lose(
     renewal: float,
     below: float,
     kept: float,
+    opens: float,
 ) -> None:
     """Lose pressure in proportion to itself; the supply makes good in proportion to the loss.
 
-    Of the loss a change of what the supply gives by Δ kPa leaves the part `kept`, and of the rest
-    exp(-renewal·Δ). Below the
+    Through a crack that it opens it is lost 1 + opens·p times as fast. Of the loss a change of what
+    the supply gives by Δ kPa leaves the part `kept`, and of the rest exp(-renewal·Δ). Below the
     atmosphere air leaks in as it leaks out above, and a part `below` of what is missing there is
     left by what else lets it in for a second.
     """
@@ -93,7 +101,9 @@ def lose(
             lost *= kept + (1.0 - kept) * math.exp(-renewal * abs(p[i] - before))
             before = p[i]
             given = max(p[i], 0.0)
-            lost += FINEST_STEP_S * (rate * (given - lost) - makeup * lost)
+            left = given - lost
+            opened = 1.0 + opens * max(left, 0.0)
+            lost += FINEST_STEP_S * (rate * opened * left - makeup * lost)
             if lost > given:
                 lost = given + still_below * (lost - given)
             p[i] -= lost

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from spa_fo._jit import njit
-from spa_fo.plant.effects.effect import Check, Effect, Parameter, amplitude
+from spa_fo.plant.effects.effect import Check, Effect, Parameter, amplitude, share
 
 EFFECT = Effect(
     id="thermal_drift",
@@ -26,6 +26,13 @@ EFFECT = Effect(
             means="how fast the change slows down; below 0 how fast it gathers speed",
             searched=(-4.0, 6.0),
             by_campaign=True,
+        ),
+        share(
+            "of_stiffness",
+            "part of the drift that is of the stiffness: a softer actuator is slower, too",
+            centre=0.0,
+            spread=0.6,
+            is_addition=True,
         ),
     ),
     name="thermal drift",
