@@ -80,6 +80,20 @@ def test_what_the_trial_has_of_its_own_is_scatter(
     assert found == pytest.approx(np.hypot(size, NOISE_DEG), rel=0.05)
 
 
+def test_a_delay_of_its_own_is_scatter_where_an_effect_delays(
+    bench: Bench, explained: tuple[Explanation, Floats]
+) -> None:
+    known, curve = explained
+    later = -0.05 * bench.evidence.grid.slopes(curve)
+    last = bench.evidence.grid.sample_trial == bench.evidence.grid.sample_trial.max()
+    size = np.sqrt(np.average(later[last] ** 2, weights=bench.evidence.grid.counts[last]))
+    delayed = replace(known, angle=replace(known.angle, delay_s=0.25))
+    assert size > 5.0 * NOISE_DEG
+    found = scatter_of(bench, (delayed, curve), later)
+    assert found == pytest.approx(np.hypot(size, NOISE_DEG), rel=0.1)
+    assert scatter_of(bench, explained, later) < 0.9 * size
+
+
 def test_what_no_trial_has_of_its_own_is_left(
     bench: Bench, explained: tuple[Explanation, Floats]
 ) -> None:

@@ -20,10 +20,10 @@ from spa_fo.gap.data.evidence import (
     with_usual,
 )
 from spa_fo.gap.data.searched import to_x
-from spa_fo.gap.fit.bench import DWELL, Bench, _times_foreseen, bench_for, rows_of
+from spa_fo.gap.fit.bench import DELAY, DWELL, Bench, _times_foreseen, bench_for, rows_of
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated
 from spa_fo.gap.noise.dwell_error import DwellError
-from spa_fo.gap.search.fitted import variants
+from spa_fo.gap.search.fitted import fit, variants
 from spa_fo.plant.branches import came_before
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.fixture import fixture_of
@@ -205,6 +205,58 @@ def test_a_trial_may_begin_on_either_branch_of_a_loop(evidence: Evidence) -> Non
     white = problem.white(factor, problem.columns(z)[:, problem.moving])
     np.testing.assert_allclose(problem.moved(factor, z), white, atol=1e-9 * np.abs(white).max())
     assert AngleProblem(bench_of(evidence), ("hysteresis",)).branch.size == 0
+
+
+@pytest.mark.parametrize("name", ["dead_time", "channel_latency"])
+def test_a_trial_may_wait_longer_than_others_where_an_effect_delays(
+    evidence: Evidence, name: str
+) -> None:
+    problem = AngleProblem(bench_of(evidence), (name,))
+    z = point(problem, delay_s=0.2, uneven=0.0, window_share=0.0)
+    n, e = problem.rows.size, problem.effects(z)
+    columns = problem.columns(z)[:, problem.delays]
+    assert problem.delay_s(z) == 0.2
+    assert not columns[n:].any()
+    later = z.copy()
+    later[problem.free] *= 1.01
+    change = (problem.at_rows(later) - problem.at_rows(z))[:n] / 0.01
+    # All but where a motion begins: a row's slope is a mean of its neighbours'.
+    close = np.isclose(columns[:n].sum(axis=1), change, atol=0.15 * np.abs(change).max())
+    assert np.mean(close) > 0.98
+    for trial, column in zip(problem.trials, columns[:n].T, strict=True):
+        assert column.any()
+        assert not column[problem.trial != trial].any()
+    assert not np.isnan(e[LIBRARY[name].first])
+    for others in (("sensor_lag",), ("drive_backlash",)):
+        assert AngleProblem(bench_of(evidence), others).delays.size == 0
+
+
+def test_delays_that_differ_from_trial_to_trial_speak_for_what_delays(evidence: Evidence) -> None:
+    problem = AngleProblem(bench_of(evidence), ("channel_latency",))
+    waits = point(problem, delay_s=0.2, window_share=0.0)
+    angle = evidence.grid.angle_deg.copy()
+    for trial, wait in enumerate((0.1, 0.25, 0.12, 0.3)):
+        own = evidence.grid.sample_trial == trial
+        angle[own] = problem.predict(np.append(waits[:5], [wait, 0.0]))[0][own]
+    angle += 0.05 * np.random.default_rng(5).standard_normal(angle.size)
+    grid = replace(evidence.grid, angle_deg=angle)
+    bench = bench_of(replace(evidence, grid=grid, noise_deg=0.05))
+    found = {
+        name: fit(bench, (name,), [point(AngleProblem(bench, (name,)), **values)])
+        for name, values in {
+            "channel_latency": {"delay_s": 0.1, "window_share": 0.2},
+            "sensor_lag": {
+                **{"time_constant_s": 0.1, "second_pole": 0.2},
+                **{"tail_share": 0.0, "return_excess": 0.0},
+            },
+        }.items()
+    }
+    late = found["channel_latency"]
+    assert late.delay_s == pytest.approx(0.19, abs=0.05)
+    assert 0.2 < np.sqrt(late.variances[DELAY]) < 1.0
+    assert late.delays_deg > 0.1
+    assert found["sensor_lag"].delay_s == found["sensor_lag"].delays_deg == 0.0
+    assert late.quick > found["sensor_lag"].quick + 20.0
 
 
 def test_a_log_that_ends_under_pressure_does_not_show_how_it_was_vented() -> None:
