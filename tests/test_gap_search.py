@@ -20,7 +20,7 @@ from spa_fo.gap.search.fitted import begun, fit, settled
 from spa_fo.gap.search.screening import points_of, screen
 from spa_fo.gap.settings import SETTINGS
 from spa_fo.numeric.minimise import HOPE
-from spa_fo.plant.effects.library import IDS, LIBRARY, rare
+from spa_fo.plant.effects.library import IDS, LIBRARY, ordered, rare
 from spa_fo.rig import CampaignData, read_campaign, read_trials
 
 GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
@@ -264,6 +264,19 @@ def test_a_slow_interference_is_found_beside_another_effect(clean: CampaignData)
     assert best.line[1] == pytest.approx(2.0, rel=0.3)
     alone = [f for ids, f in found.fits.items() if len(ids) == 1]
     assert best.logs.max() > max(f.logs.max() for f in alone) + 12.0
+
+
+def test_what_makes_the_best_pair_is_tried_beside_its_kin(clean: CampaignData) -> None:
+    """A lag and a latency are alike, so whatever stands beside one is fitted beside the other."""
+    few = ("sensor_lag", "channel_latency", "stiffening", "sensor_creep", "creep")
+    found = explain(bench_of(lagging(clean)), tuple(n for n in IDS if n not in few))
+    alone = {name: found.fits[name,].quick for name in few if (name,) in found.fits}
+    hosts = sorted(alone, key=lambda name: -alone[name])[:3]
+    pairs = {ids: f for ids, f in found.fits.items() if len(ids) == 2}
+    best = max(pairs, key=lambda ids: pairs[ids].quick)
+    for host in hosts:
+        for name in best:
+            assert host in best or ordered((host, name)) in pairs
 
 
 def test_no_explanation_holds_two_effects_that_are_rare(clean: CampaignData) -> None:

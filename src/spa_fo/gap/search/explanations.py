@@ -109,6 +109,7 @@ def explain(bench: Bench, excluded: Sequence[str] = ()) -> Explanations:
         level = _level_beside(bench, hosts)
         if level == bench.level:
             pairs = _beside(ours, hosts, chained, linear, plain)
+            pairs |= _exchanged(ours, hosts, pairs, plain)
             fits |= pairs
             top = max(pairs.values(), key=_worth, default=plain)
             if hosts and SETTINGS.temper * (_worth(top) - _worth(hosts[0])) > further_price():
@@ -168,6 +169,30 @@ def _beside(
                 more.setdefault(ordered((*host.ids, name)), [host.z])
     best = max(hosts, key=lambda f: f.quick, default=plain)
     return _fits(ours, list(more.items()), plain, best)
+
+
+def _exchanged(
+    ours: Team, hosts: Sequence[Fitted], pairs: dict[Ids, Fitted], plain: Fitted
+) -> dict[Ids, Fitted]:
+    """Fit what makes the best pair beside the other hosts: one that is alike may do as well there.
+
+    Beside a host that misses something a score test may show what makes up for that first.
+    """
+    pair = max(pairs.values(), key=_worth, default=plain)
+    others = [host for host in hosts if not set(host.ids) & set(pair.ids)]
+    more: dict[Ids, list[Floats]] = {}
+    for host in others:
+        searched = _searched_of(pair) | _searched_of(host)
+        for name in beside(host.ids, pair.ids):
+            ids = ordered((*host.ids, name))
+            if ids not in pairs:
+                more[ids] = [np.concatenate([host.z[:5], *(searched[n] for n in ids)])]
+    return _fits(ours, list(more.items()), plain, pair)
+
+
+def _searched_of(fitted: Fitted) -> dict[str, Floats]:
+    """Give what is searched of each effect of a fit."""
+    return {name: without_others(fitted, (name,))[5:] for name in fitted.ids}
 
 
 def _by_order(names: Iterable[str]) -> list[str]:
