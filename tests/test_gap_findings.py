@@ -8,7 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from spa_fo.gap.answer.findings import drive_finding
+from spa_fo.gap.answer.findings import drive_finding, findings
+from spa_fo.gap.claim.claimed import LIKELY
 from spa_fo.gap.data.hold_out import HeldOut
 from spa_fo.gap.fit.pressure import MOST_LAG_S
 from spa_fo.plant.effects.library import LIBRARY, absent
@@ -57,3 +58,17 @@ def test_a_pressure_that_wanders_too_far_is_said() -> None:
     said, explained = drive_finding(drive(2.0, 0.0, wander=0.073), EVIDENCE, HELD)
     assert explained.startswith("The measured pressure by itself: line_lag")
     assert said.startswith("The pressure of repeated trials differs by 7.3 % of the command")
+
+
+@pytest.mark.parametrize(
+    ("probability", "words"),
+    [
+        (LIKELY, "What comes nearest, line_lag, is clearly less probable than an unknown cause."),
+        (0.9 * LIKELY, "No explanation of the library holds on the held-out trials."),
+    ],
+)
+def test_what_was_tried_and_held_is_not_said_to_be_refuted(probability: float, words: str) -> None:
+    near = SimpleNamespace(named=("line_lag",), probability=probability)
+    verdict = SimpleNamespace(kind="unknown", sets=(), scored=(near,), unknown_drive=0.0)
+    said, *_ = findings(cast(Any, verdict), own=False, repeats=True, floor_deg=0.1)
+    assert said == words

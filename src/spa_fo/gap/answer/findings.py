@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from spa_fo.gap.claim.claimed import LIKELY
 from spa_fo.gap.data.evidence import Evidence
 from spa_fo.gap.data.hold_out import HeldOut, judged
 from spa_fo.gap.decide.verdict import Verdict
@@ -28,7 +29,6 @@ MISSING = {
 }
 """Evidence that a campaign may lack, and what for."""
 
-_MAY_BE = 0.05  # probability from which a set was not refuted
 _MANY = 100  # to one, beyond which odds say no more
 _PRESSURE_EXPLAINED = 0.7  # of what the command misses: more left is nothing worth saying
 
@@ -132,7 +132,7 @@ def findings(
     found = []
     named = [s for s in verdict.scored if s.named]
     if verdict.kind == "unknown" and not verdict.sets:
-        if named and named[0].probability > _MAY_BE:
+        if named and named[0].probability >= LIKELY:  # tried, and not refuted
             which = " + ".join(named[0].named)
             found.append(
                 f"What comes nearest, {which}, is clearly less probable than an unknown cause."

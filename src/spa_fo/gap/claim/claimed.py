@@ -45,8 +45,9 @@ CLEARLY = 3.0
 A gap is surely one, too: of 89 opened campaigns without any effect none was of more than 2.1 times
 what repeats differ by.
 """
+LIKELY = 0.005
+"""Probability from which the predictions of an explanation are tried."""
 _MOST = 6  # explanations whose predictions are tried
-_LIKELY = 0.005  # probability from which one is
 _LEAST_SHOWN = 0.1  # of the squared error: trials that show less of a gap still judge
 
 
@@ -86,7 +87,7 @@ def claim(examined: Examined, verdict: Verdict, rng: np.random.Generator) -> Cla
     """
     everything, held, found = examined.everything, examined.held, examined.found
     causes = [s for s in verdict.scored if s.named]
-    near = {s.named for s in causes[:_MOST] if s.probability >= _LIKELY}
+    near = {s.named for s in causes[:_MOST] if s.probability >= LIKELY}
     leading = [s for s in causes if s.named in near or s.named in verdict.sets]
     where = judged(everything, held)
     given, again = examined.given, _identified_again(found)
