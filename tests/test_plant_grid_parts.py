@@ -81,7 +81,7 @@ def test_what_has_faded_between_trials_is_the_same_without_some_of_them(some: li
     samples = stays[whole.grid.sample_trial]
     e = absent()
     e[LIBRARY["slew_limit"].slots] = 60.0, 0.8, 1.2, 0.0, 0.0
-    e[LIBRARY["stiffening"].slots] = 0.3, 1.2
+    e[LIBRARY["stiffening"].slots] = 0.3, 1.2, 0.0
     shown = [
         own.grid.read(lagged(modelled_pressure(own, e), own.grid.cell_starts, 0.02))
         for own in (part, whole)
