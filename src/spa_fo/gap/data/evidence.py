@@ -92,6 +92,11 @@ class Evidence:
         """Time of each averaged sample as that of the first trial alike has it, (n,)."""
         return np.asarray(self.grid.time_s - self.late_s[self.grid.sample_trial])
 
+    @cached_property
+    def interval_s(self) -> float:
+        """Usual time between two samples of a log."""
+        return float(np.median(np.concatenate([np.diff(t.t_s) for t in self.grid.trials])))
+
     @property
     def curve_share(self) -> float:
         """How far its knots reach of what is plausible of a curve's errors, which goes further."""

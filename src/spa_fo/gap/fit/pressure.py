@@ -78,14 +78,9 @@ def _signals(evidence: Evidence) -> tuple[Floats, Floats]:
     return grid.pressure_kpa, grid.command_kpa
 
 
-def _interval_s(evidence: Evidence) -> float:
-    """Time between two samples."""
-    return float(np.median(np.concatenate([np.diff(t.t_s) for t in evidence.grid.trials])))
-
-
 def row_cells(evidence: Evidence) -> int:
     """Cells between two samples."""
-    return max(1, round(_interval_s(evidence) / FINEST_STEP_S))
+    return max(1, round(evidence.interval_s / FINEST_STEP_S))
 
 
 def _beside(cells: Floats, at: Integers, reach: int) -> tuple[Floats, Floats]:
@@ -162,7 +157,7 @@ class PressureProblem(Explained):
             self.most = most(noise.spectrum.repeats) * ordinary
         self.group = np.append(np.zeros(self.own.shape[1], dtype=np.int64), np.full(3, -1))
         # When within its interval a row is read, cells as long do not know.
-        late_s = float(np.hypot(SETTINGS.angle_late_s, _UNIFORM * _interval_s(evidence)))
+        late_s = float(np.hypot(SETTINGS.angle_late_s, _UNIFORM * evidence.interval_s))
         sensors = np.square([SETTINGS.pressure_offset_kpa, SETTINGS.pressure_gain, late_s])
         self.variance = np.append(np.full(self.own.shape[1], self.scales[0] ** 2), sensors)
 

@@ -100,6 +100,7 @@ class AngleProblem(Explained):
             self.strength[REST] = WEAK  # what repeats differ by at rest is the slip's
         self.most[OF_TRIALS] = most_of_trials(bench)
         self.most[BRANCH] = 2.0  # from one branch of a loop to the other
+        self.most[DELAY] = 3.0**-0.5  # of a wait anywhere between none and twice its mean
         dwell = max(SETTINGS.dwell_error_deg, self.scales[DWELL])
         self.most[DWELL] = most(round(bench.noise.fixture.told)) * dwell
         self._film = LIBRARY.slots(lambda e: e.in_fixture)
@@ -222,8 +223,8 @@ class AngleProblem(Explained):
         return out
 
     def delay_s(self, z: Floats) -> float:
-        """Say how long effects delay the angle."""
-        return float(z[self._delays].sum())
+        """Say how long effects delay the angle, beyond what trials' rows may be off by."""
+        return max(float(z[self._delays].sum()) - self.evidence.interval_s, 0.0)
 
     def _of_order(self, trial: Integers, gain: Floats) -> Floats:
         """Give what goes with the trials' order, over what a trial's gain makes: gain, rest angle.
