@@ -24,6 +24,7 @@ from spa_fo.gap.fit.bench import DELAY, DWELL, Bench, _times_foreseen, bench_for
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated
 from spa_fo.gap.noise.dwell_error import DwellError
 from spa_fo.gap.search.fitted import fit, variants
+from spa_fo.gap.settings import SETTINGS
 from spa_fo.plant.branches import came_before
 from spa_fo.plant.effects.library import LIBRARY, absent
 from spa_fo.plant.fixture import fixture_of
@@ -34,6 +35,7 @@ from spa_fo.rig.spa_rig_log import parse_spa_rig_log
 
 GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
 CEILING_DEG = 25.0
+IN_STEP_S = SETTINGS.angle_late_s / 0.2  # clocks are not in step by a part of it, as delays are
 EVEN = {"lens": 0.0, "span_deg": 80.0}  # of a loop that is as wide everywhere
 
 
@@ -215,9 +217,9 @@ def test_a_trial_may_wait_longer_than_others_where_an_effect_delays(
     z = point(problem, delay_s=0.2, uneven=0.0, window_share=0.0)
     n, e = problem.rows.size, problem.effects(z)
     columns = problem.columns(z)[:, problem.delays]
-    # Trials' rows are off by as much as there is between two of them.
+    # Of a delay what is beyond a row differs, and clocks are not in step anyway.
     varies = problem.delay_s(z) / 0.2
-    assert varies == pytest.approx(1.0 - evidence.interval_s / 0.2)
+    assert varies == pytest.approx((0.2 - evidence.interval_s + IN_STEP_S) / 0.2)
     assert 0.5 < varies < 1.0
     assert not columns[n:].any()
     later = z.copy()
@@ -230,8 +232,9 @@ def test_a_trial_may_wait_longer_than_others_where_an_effect_delays(
         assert column.any()
         assert not column[problem.trial != trial].any()
     assert not np.isnan(e[LIBRARY[name].first])
-    for others in (("sensor_lag",), ("drive_backlash",)):
-        assert AngleProblem(bench_of(evidence), others).delays.size == 0
+    for others in ((), ("sensor_lag",), ("drive_backlash",)):
+        other = AngleProblem(bench_of(evidence), others)
+        assert other.delay_s(np.full(other.parameters, 0.3)) == IN_STEP_S
 
 
 def test_delays_that_differ_from_trial_to_trial_speak_for_what_delays(evidence: Evidence) -> None:
@@ -255,18 +258,31 @@ def test_delays_that_differ_from_trial_to_trial_speak_for_what_delays(evidence: 
         }.items()
     }
     late = found["channel_latency"]
-    assert late.delay_s == pytest.approx(0.19 - evidence.interval_s, abs=0.05)
+    assert late.delay_s == pytest.approx(0.19 - evidence.interval_s + IN_STEP_S, abs=0.05)
     assert 0.2 < np.sqrt(late.variances[DELAY]) < 3.0**-0.5 + 1e-9
     assert late.delays_deg > 0.1
-    assert found["sensor_lag"].delay_s == found["sensor_lag"].delays_deg == 0.0
+    assert found["sensor_lag"].delay_s == IN_STEP_S
     assert late.quick > found["sensor_lag"].quick + 20.0
+
+
+def test_clocks_that_are_not_in_step_are_no_effect(evidence: Evidence) -> None:
+    plain = AngleProblem(bench_of(evidence), ())
+    angle, waits_s = plain.predict(point(plain))[0], np.array([0.012, -0.009, 0.007, -0.012])
+    angle = angle - waits_s[evidence.grid.sample_trial] * evidence.grid.slopes(angle)
+    angle += 0.05 * np.random.default_rng(6).standard_normal(angle.size)
+    grid = replace(evidence.grid, angle_deg=angle)
+    bench = bench_of(replace(evidence, grid=grid, noise_deg=0.05))
+    found = fit(bench, (), [point(plain)])
+    assert found.delay_s * np.sqrt(found.variances[DELAY]) == pytest.approx(0.01, rel=0.5)
+    late = AngleProblem(bench, ("channel_latency",))
+    delayed = fit(bench, late.ids, [point(late, delay_s=0.05, window_share=0.0)])
+    assert delayed.quick < found.quick + 2.0
 
 
 def test_a_delay_of_less_than_a_row_takes_no_scatter_of_times(evidence: Evidence) -> None:
     problem = AngleProblem(bench_of(evidence), ("channel_latency",))
     prompt = point(problem, delay_s=0.9 * evidence.interval_s, window_share=0.0)
-    assert problem.delay_s(prompt) == 0.0
-    assert not problem.columns(prompt)[:, problem.delays].any()
+    assert problem.delay_s(prompt) == IN_STEP_S
     # Nor does one differ by more than a wait that may be as short as none.
     assert problem.most[DELAY] == pytest.approx(np.std(np.linspace(0.0, 2.0, 10001)), rel=1e-3)
 

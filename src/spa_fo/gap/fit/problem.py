@@ -150,7 +150,7 @@ class AngleProblem(Explained):
             1 if slips else 0,
             len(evidence.grid.trials) if slips else 0,
             3 * self.trials.size,
-            self.trials.size if self._delays.size else 0,
+            self.trials.size,
             2 * self.trials.size if self.line else 0,
             (3 if slips else 6) if self.trend else 0,
         ]
@@ -205,9 +205,8 @@ class AngleProblem(Explained):
         k = np.searchsorted(self.trials, trial)
         own = self.own[k].T
         out[every, own] = gain, np.ones(n), scale
-        if self.delays.size:
-            # What is polled, or queued, waits longer in one trial than in another.
-            out[every, self.delays[k]] = self.delay_s(z) * later[:, 0]
+        # Clocks are not in step, and what is polled, or queued, waits longer in one trial.
+        out[every, self.delays[k]] = self.delay_s(z) * later[:, 0]
         if self.trend:
             out[:n, self.trends] = self._of_order(trial, gain)
         if self.walk.size:
@@ -223,8 +222,9 @@ class AngleProblem(Explained):
         return out
 
     def delay_s(self, z: Floats) -> float:
-        """Say how long effects delay the angle, beyond what trials' rows may be off by."""
-        return max(float(z[self._delays].sum()) - self.evidence.interval_s, 0.0)
+        """Say of how long a delay trials' own are parts: of what effects delay beyond a row."""
+        waits = max(float(z[self._delays].sum()) - self.evidence.interval_s, 0.0)
+        return float(SETTINGS.angle_late_s / self.bench.scales[DELAY]) + waits
 
     def _of_order(self, trial: Integers, gain: Floats) -> Floats:
         """Give what goes with the trials' order, over what a trial's gain makes: gain, rest angle.
