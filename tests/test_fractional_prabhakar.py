@@ -45,6 +45,16 @@ def test_against_its_series(alpha, beta, gamma, radius, negative):
     assert error < 5e-11 * max(1.0, abs(expected)) * condition + rounding
 
 
+@pytest.mark.parametrize("alpha", [1.15, 1.2, 1.21875])
+@pytest.mark.parametrize(("beta", "gamma"), [(0.0, 5.0), (0.0, 4.0), (-0.5, 4.0), (1.0, 5.0)])
+def test_a_pair_of_branch_points_far_to_the_left_counts_by_its_order(alpha, beta, gamma):
+    z = -(40.0**alpha)
+    error = abs(
+        mittag_leffler(z, alpha, beta, gamma) - float(naive_mittag_leffler(z, alpha, beta, gamma))
+    )
+    assert error < 1e-13 + 1e-15 * 40.0 ** (1.0 - beta)
+
+
 @pytest.mark.parametrize(("alpha", "beta", "gamma"), [(1.125, -3.0, 5.0), (1.205, -2.5, 1.0)])
 def test_a_negative_beta_costs_accuracy_as_said(alpha, beta, gamma):
     z = -(40.0**alpha)

@@ -144,7 +144,8 @@ def _prabhakar(z: float, alpha: float, beta: float, gamma: float) -> float:
         return _on_parabola(z, 0.0, root + _GAP, _GAP / clearance, alpha, beta, gamma, True)
     step = min(0.5 * root / clearance, _COARSE)
     total = _on_parabola(z, 0.0, clearance * step, step, alpha, beta, gamma, False)
-    if p.real > _NEGLIGIBLE:
+    # What p adds is e^p p^(γ-β) / (α^γ Γ(γ)) and smaller terms.
+    if p.real + max(gamma - beta, 0.0) * math.log(abs(p)) > _NEGLIGIBLE:
         total += _around_pole(z, p, clearance, alpha, beta, gamma)
     return total
 
