@@ -235,6 +235,11 @@ def test_a_trial_may_wait_longer_than_others_where_an_effect_delays(
     for others in ((), ("sensor_lag",), ("drive_backlash",)):
         other = AngleProblem(bench_of(evidence), others)
         assert other.delay_s(np.full(other.parameters, 0.3)) == IN_STEP_S
+    # Nothing tells clocks from what is at work where nothing was repeated.
+    noise = problem.bench.noise
+    alone = replace(noise, spectrum=replace(noise.spectrum, repeats=0))
+    never = AngleProblem(replace(problem.bench, noise=alone), (name,))
+    assert never.delay_s(z) == pytest.approx(0.2 - evidence.interval_s)
 
 
 def test_delays_that_differ_from_trial_to_trial_speak_for_what_delays(evidence: Evidence) -> None:

@@ -224,6 +224,9 @@ class AngleProblem(Explained):
     def delay_s(self, z: Floats) -> float:
         """Say of how long a delay trials' own are parts: of what effects delay beyond a row."""
         waits = max(float(z[self._delays].sum()) - self.evidence.interval_s, 0.0)
+        noise = self.bench.noise
+        if noise.compared or not noise.spectrum.repeats:
+            return waits  # nothing tells clocks from what is at work, or a reference has
         return float(SETTINGS.angle_late_s / self.bench.scales[DELAY]) + waits
 
     def _of_order(self, trial: Integers, gain: Floats) -> Floats:
