@@ -26,6 +26,7 @@ from spa_fo.gap.answer.findings import findings
 from spa_fo.gap.claim.claimed import (
     CLEARLY,
     Claim,
+    _by_chance,
     held_to,
     if_it_varies,
     is_hardly_a_gap,
@@ -588,3 +589,11 @@ def test_trials_that_vary_beside_no_set_are_as_its_own_memory_has_them(
     curves = {"plain": np.ones(50), "explained": np.ones(50)}
     claimed = replace(claims({("sensor_hysteresis",): 0.9}), curves=curves)
     assert held_against_trials(cast(Any, asked), claimed).kind == kind
+
+
+@pytest.mark.parametrize(("name", "closes"), [("channel_latency", 0.04), ("sensor_lag", 0.0)])
+def test_what_clocks_differ_by_closes_nothing(name: str, closes: float) -> None:
+    angle = SimpleNamespace(delays_deg=0.2)
+    moved = {name: 1.0}
+    scored = SimpleNamespace(named=(name,), moved_deg=moved, angle=angle, fast=None)
+    assert _by_chance(cast(Any, scored), taken_off=False) == pytest.approx(closes)

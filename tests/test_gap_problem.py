@@ -20,7 +20,7 @@ from spa_fo.gap.data.evidence import (
     with_usual,
 )
 from spa_fo.gap.data.searched import to_x
-from spa_fo.gap.fit.bench import DELAY, DWELL, Bench, _times_foreseen, bench_for, rows_of
+from spa_fo.gap.fit.bench import _DELAY, DELAY, DWELL, Bench, _times_foreseen, bench_for, rows_of
 from spa_fo.gap.fit.problem import MOSTLY, AngleProblem, Calibrated
 from spa_fo.gap.noise.dwell_error import DwellError
 from spa_fo.gap.search.fitted import fit, variants
@@ -35,7 +35,7 @@ from spa_fo.rig.spa_rig_log import parse_spa_rig_log
 
 GIVEN = np.array([campaigns.TRUTH[name] for name in ("alpha2", "alpha1", "a1", "a0", "b0")])
 CEILING_DEG = 25.0
-IN_STEP_S = SETTINGS.angle_late_s / 0.2  # clocks are not in step by a part of it, as delays are
+IN_STEP_S = SETTINGS.angle_late_s / _DELAY  # clocks are not in step by a part of it, as delays are
 EVEN = {"lens": 0.0, "span_deg": 80.0}  # of a loop that is as wide everywhere
 
 

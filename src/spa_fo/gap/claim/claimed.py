@@ -149,7 +149,9 @@ def _by_chance(scored: Scored, taken_off: bool) -> float:
     off = taken_off and scored.fast is not None and len(scored.named) > 1
     ports = ("zeros",) if off else ("zeros", "line")
     own = [size for name, size in scored.moved_deg.items() if LIBRARY[name].port in ports]
-    return sum(size**2 for size in (*own, scored.angle.delays_deg))
+    if any(LIBRARY[name].filter == "delay" for name in scored.named):
+        own.append(scored.angle.delays_deg)  # else they are clocks', which are noise
+    return sum(size**2 for size in own)
 
 
 def _gap_of(before_deg: float, floor_deg: float) -> float:

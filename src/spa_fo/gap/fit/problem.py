@@ -127,6 +127,9 @@ class AngleProblem(Explained):
         delays = LIBRARY.slots(lambda e: e.filter == "delay")
         late = [s.place in delays and s.parameter.is_delay for s in self.slots]
         self._delays = self.free + np.flatnonzero(late)
+        # Repeats tell clocks from what is at work, and a reference says what to expect of them.
+        told = bench.noise.spectrum.repeats > 0 and not bench.noise.compared
+        self._clocks_s = float(SETTINGS.angle_late_s / bench.scales[DELAY]) if told else 0.0
         self._lay()
 
     # --- the nuisances' columns ------------------------------------------------------------------
@@ -150,7 +153,7 @@ class AngleProblem(Explained):
             1 if slips else 0,
             len(evidence.grid.trials) if slips else 0,
             3 * self.trials.size,
-            self.trials.size,
+            self.trials.size if self._clocks_s or self._delays.size else 0,
             2 * self.trials.size if self.line else 0,
             (3 if slips else 6) if self.trend else 0,
         ]
@@ -205,8 +208,9 @@ class AngleProblem(Explained):
         k = np.searchsorted(self.trials, trial)
         own = self.own[k].T
         out[every, own] = gain, np.ones(n), scale
-        # Clocks are not in step, and what is polled, or queued, waits longer in one trial.
-        out[every, self.delays[k]] = self.delay_s(z) * later[:, 0]
+        if self.delays.size:
+            # Clocks are not in step, and what is polled, or queued, waits longer in one trial.
+            out[every, self.delays[k]] = self.delay_s(z) * later[:, 0]
         if self.trend:
             out[:n, self.trends] = self._of_order(trial, gain)
         if self.walk.size:
@@ -222,12 +226,9 @@ class AngleProblem(Explained):
         return out
 
     def delay_s(self, z: Floats) -> float:
-        """Say of how long a delay trials' own are parts: of what effects delay beyond a row."""
+        """Say of how long a delay trials' own are parts: clocks', and effects' beyond a row."""
         waits = max(float(z[self._delays].sum()) - self.evidence.interval_s, 0.0)
-        noise = self.bench.noise
-        if noise.compared or not noise.spectrum.repeats:
-            return waits  # nothing tells clocks from what is at work, or a reference has
-        return float(SETTINGS.angle_late_s / self.bench.scales[DELAY]) + waits
+        return self._clocks_s + waits
 
     def _of_order(self, trial: Integers, gain: Floats) -> Floats:
         """Give what goes with the trials' order, over what a trial's gain makes: gain, rest angle.

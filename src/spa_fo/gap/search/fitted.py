@@ -70,8 +70,8 @@ class Fitted:
     decrement, tried, rejected : float, int, int
         What the last search left, and the points that it took.
     delay_s, delays_deg : float
-        How long effects delay it, beyond what rows may be off by, and the RMS by which it moves
-        that trials differ in that.
+        Of how long a delay trials' own are parts, that of clocks among it, and the RMS by which
+        they move the angle.
     branches : dict
         Those that trials began on, by loop of the sensor.
     line : (float, float) or None
